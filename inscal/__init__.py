@@ -1,0 +1,1 @@
+"""Statistical proof for inertial calibration: physics, filter and statistics."""

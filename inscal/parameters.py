@@ -1,0 +1,157 @@
+"""The 27 sensor error parameters: names, groups, paper units, paper truth and bounds.
+
+The order is that of the paper's state vector (eq. 7). Every 27-vector of this library, in SI,
+follows it; so does the ``parameter`` dimension of every store.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from inscal import units
+
+_AXES = ("x", "y", "z")
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "gyro_bias": tuple(f"gyro_bias_{a}" for a in _AXES),
+    "accel_bias": tuple(f"accel_bias_{a}" for a in _AXES),
+    "gyro_k": tuple(f"gyro_k{ij}" for ij in ("11", "21", "31", "22", "32", "33")),
+    "accel_k": tuple(
+        f"accel_k{ij}" for ij in ("11", "21", "31", "12", "22", "32", "13", "23", "33")
+    ),
+    "accel_quadratic": tuple(f"accel_quadratic_{a}" for a in _AXES),
+    "lever_arm": tuple(f"lever_arm_{a}" for a in _AXES),
+}
+"""Parameter names by group, groups and names in state order."""
+
+NAMES: tuple[str, ...] = tuple(name for names in GROUPS.values() for name in names)
+"""The 27 names in state order."""
+
+COUNT = len(NAMES)
+
+INDEX: dict[str, slice] = {}
+"""Slice of each group in a 27-vector."""
+for _group, _names in GROUPS.items():
+    _start = NAMES.index(_names[0])
+    INDEX[_group] = slice(_start, _start + len(_names))
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a table speaks of: parameters of one physical kind share a unit, a truth and a bound.
+
+    Attributes
+    ----------
+    unit : str
+        Paper unit, as printed.
+    unit_si : float
+        Size of that unit in SI; for the quadratic term at the pulse scale of 1 (see `si_units`).
+    paper_truth : tuple of float
+        Simulated truth of the paper's Table 3, one value for all or one per axis, in `unit`.
+    paper_bound : float
+        The paper's "better than", in `unit`.
+    """
+
+    unit: str
+    unit_si: float
+    paper_truth: tuple[float, ...]
+    paper_bound: float
+
+
+KINDS: dict[str, Kind] = {
+    "gyro_bias": Kind("deg/h", units.DEG_PER_HOUR, (0.05,), 0.001),
+    "accel_bias": Kind("ug", units.MICRO_G, (200.0,), 9.0),
+    "gyro_scale_factor": Kind("ppm", units.PPM, (500.0,), 3.0),
+    "gyro_installation": Kind("arcsec", units.ARCSEC, (206.26,), 1.0),
+    "accel_scale_factor": Kind("ppm", units.PPM, (500.0,), 2.0),
+    "accel_installation": Kind("arcsec", units.ARCSEC, (206.26,), 3.0),
+    "accel_quadratic": Kind("1e-9", units.QUADRATIC_SI_FACE_VALUE, (30.0,), 0.4),
+    "lever_arm": Kind("mm", units.MILLIMETRE, (10.0, 20.0, 30.0), 3.0),
+}
+"""The kinds of the paper's Table 3."""
+
+
+def kind_of(name: str) -> str:
+    """Kind (key of `KINDS`) of a parameter name.
+
+    Raises
+    ------
+    KeyError
+        If `name` is not one of `NAMES`.
+    """
+    if name not in NAMES:
+        raise KeyError(name)
+    group = next(g for g, names in GROUPS.items() if name in names)
+    if group in ("gyro_k", "accel_k"):
+        sensor, row, column = group[:-2], name[-2], name[-1]
+        return f"{sensor}_scale_factor" if row == column else f"{sensor}_installation"
+    return group
+
+
+KIND_OF: tuple[str, ...] = tuple(kind_of(name) for name in NAMES)
+"""Kind of each of the 27 parameters, in state order."""
+
+UNITS: tuple[str, ...] = tuple(KINDS[kind].unit for kind in KIND_OF)
+"""Paper unit of each of the 27 parameters, in state order."""
+
+
+def si_units(quadratic_unit: float) -> np.ndarray:
+    """Size in SI of the paper unit of each parameter.
+
+    Parameters
+    ----------
+    quadratic_unit : float
+        Size of 1e-9 of quadratic coefficient in s^2/m: `units.quadratic_unit` of the pulse scale,
+        or `units.QUADRATIC_SI_FACE_VALUE`.
+
+    Returns
+    -------
+    ndarray, shape (27,)
+        Multiply a value in paper units by this to have it in SI.
+    """
+    sizes = np.array([KINDS[kind].unit_si for kind in KIND_OF])
+    sizes[INDEX["accel_quadratic"]] = quadratic_unit
+    return sizes
+
+
+def vector(values: Mapping[str, float | Sequence[float]]) -> np.ndarray:
+    """27-vector from one value, or one per parameter, of each kind.
+
+    Parameters
+    ----------
+    values : mapping of str to float or sequence of float
+        One entry per kind of `KINDS`: a number for all parameters of the kind, or one number for
+        each of them in state order.
+
+    Returns
+    -------
+    ndarray, shape (27,)
+        The values in state order, in the unit they were given in.
+
+    Raises
+    ------
+    ValueError
+        If a kind is missing or unknown, or a sequence has the wrong length.
+    """
+    if set(values) != set(KINDS):
+        odd = sorted(set(values) ^ set(KINDS))
+        raise ValueError(f"parameter kinds {odd} are missing or unknown; allowed {sorted(KINDS)}")
+    out = np.empty(COUNT)
+    for kind, value in values.items():
+        members = [i for i, k in enumerate(KIND_OF) if k == kind]
+        entries = np.atleast_1d(np.asarray(value, dtype=float))
+        if entries.shape not in ((1,), (len(members),)):
+            raise ValueError(f"{kind} takes one number or {len(members)}, not {entries.size}")
+        out[members] = entries
+    return out
+
+
+def paper_truth() -> np.ndarray:
+    """Truth of the paper's Table 3, shape (27,), in paper units."""
+    return vector({name: kind.paper_truth for name, kind in KINDS.items()})
+
+
+def paper_bounds() -> np.ndarray:
+    """Accuracy bounds of the paper's Table 3, shape (27,), in paper units."""
+    return vector({name: kind.paper_bound for name, kind in KINDS.items()})

@@ -1,0 +1,1 @@
+"""Monte Carlo pipeline around :mod:`inscal`: configuration, stages, stores, clusters."""
