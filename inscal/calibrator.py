@@ -1,0 +1,228 @@
+"""The closed-loop calibrator: strapdown navigation, shared gains, one or more passes.
+
+A run is navigated with compensated increments; at every update the six differences between
+navigated and observed velocity and position, times the gains of `inscal.recursion`, correct all
+states at once. Nothing of the covariance is computed per run.
+
+How several passes over one record connect is the subject of `inscal.estimator`.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.spatial.transform import Rotation
+
+from inscal import navigation
+from inscal.earth import radii_of_curvature
+from inscal.estimator import CONSTANTS, Estimator
+from inscal.kernel import INLINE, KERNEL, LANES
+from inscal.motion import Motion, Site
+from inscal.navigation import advance, rotate_left
+from inscal.parameters import COUNT
+from inscal.sensor import compensate
+from inscal.state_model import NAVIGATION
+
+_NAV = CONSTANTS
+_ROWS = _NAV + navigation.ROWS
+_OBSERVED = 6
+
+
+@dataclass(frozen=True)
+class Record:
+    """What a laboratory records of `LANES` calibrations: all that a calibrator may see.
+
+    Attributes
+    ----------
+    sensors : ndarray, shape (steps, 6, LANES)
+        Reported angle (rad) and velocity increments (m/s), body axes.
+    observations : ndarray, shape (updates, 6, LANES)
+        Observed velocity North, East, Down (m/s) and position offset from the site, metres north,
+        east and of height.
+    attitude : ndarray, shape (3, 3, LANES)
+        Body-to-NED matrix as assumed at the start (aligned with errors).
+    velocity, position : ndarray, shape (3, LANES)
+        As assumed at the start, in the units of the observations.
+    """
+
+    sensors: np.ndarray
+    observations: np.ndarray
+    attitude: np.ndarray
+    velocity: np.ndarray
+    position: np.ndarray
+
+
+@dataclass(frozen=True)
+class History:
+    """Course of the passes, at every update.
+
+    Attributes
+    ----------
+    estimate : ndarray, shape (passes, updates, 27, LANES)
+        Parameters, SI.
+    innovation : ndarray, shape (passes, updates, 6, LANES)
+        Navigated minus observed, m/s and m.
+    """
+
+    estimate: np.ndarray
+    innovation: np.ndarray
+
+
+def empty_history(passes: int, updates: int) -> History:
+    """Room for the course of `passes` passes."""
+    return History(
+        np.empty((passes, updates, COUNT, LANES)), np.empty((passes, updates, _OBSERVED, LANES))
+    )
+
+
+def calibrate(
+    record: Record,
+    motion: Motion,
+    site: Site,
+    estimator: Estimator,
+    *,
+    history: History | None = None,
+) -> np.ndarray:
+    """Estimate the sensor parameters of `LANES` runs.
+
+    Parameters
+    ----------
+    record : Record
+    motion : Motion
+        Only its step lengths and update times are used.
+    site : Site
+    estimator : Estimator
+    history : History, optional
+        Filled with the course of the passes.
+
+    Returns
+    -------
+    ndarray, shape (27, LANES)
+        Parameters, SI; not finite where a run diverged.
+    """
+    constants = np.zeros((CONSTANTS, LANES))
+    assumed = start = Rotation.from_matrix(np.moveaxis(record.attitude, -1, 0))
+    nothing = np.empty((0, COUNT, LANES)), np.empty((0, _OBSERVED, LANES))
+    for number in range(estimator.passes):
+        # the prior is centred on zero parameters and on the attitude assumed in the record
+        from_prior = constants
+        from_prior[COUNT:] = (start * assumed.inv()).as_rotvec().T
+        state = np.empty((_ROWS, LANES))
+        state[:COUNT] = constants[:COUNT]
+        state[COUNT:CONSTANTS] = 0.0
+        state[_NAV : _NAV + 9] = start.as_matrix().reshape(LANES, 9).T
+        state[_NAV + navigation.VELOCITY : _NAV + navigation.POSITION] = record.velocity
+        state[_NAV + navigation.POSITION :] = record.position / _metres(site)[:, None]
+        begin = state[:CONSTANTS].copy()
+        _run_pass(
+            state,
+            record.sensors,
+            record.observations,
+            motion.duration,
+            motion.update_step,
+            estimator.gains(number).gain,
+            navigation.site_constants(site),
+            _metres(site),
+            *(nothing if history is None else (history.estimate[number], history.innovation[number])),
+        )
+        constants = state[:CONSTANTS]
+        if number > 0:
+            moved = estimator.translate @ (constants - begin)
+            constants = begin + moved - estimator.pull @ from_prior
+        # a diverged lane keeps its NaN among the parameters, but needs some attitude to go on with
+        constants[COUNT:, ~np.isfinite(constants).all(axis=0)] = 0.0
+        start = Rotation.from_rotvec(constants[COUNT:].T) * start
+    return constants[:COUNT]
+
+
+def _metres(site: Site) -> np.ndarray:
+    """Metres per unit of the position offsets: latitude, longitude, height."""
+    meridian, prime_vertical = radii_of_curvature(np.sin(site.latitude))
+    return np.array(
+        [
+            meridian + site.height,
+            (prime_vertical + site.height) * np.cos(site.latitude),
+            1.0,
+        ]
+    )
+
+
+@njit(**KERNEL)
+def _run_pass(
+    start,
+    sensors,
+    observations,
+    duration,
+    update_step,
+    gain,
+    site,
+    metres,
+    estimate_history,
+    innovation_history,
+):
+    """Navigate and correct all lanes through the record; `start` becomes the final state.
+
+    Rows of the state: 27 parameters, attitude error at the start, attitude, velocity, position.
+    The state lives in an array of fixed shape made here, so that the compiler knows that its rows
+    do not overlap and keeps the lane loops free of run-time checks.
+    """
+    state = np.empty((_ROWS, LANES))
+    state[:] = start
+    innovation = np.empty((_OBSERVED, LANES))
+    correction = np.empty((NAVIGATION, LANES))
+    for k in range(len(update_step) - 1):
+        for s in range(update_step[k], update_step[k + 1]):
+            _navigate(state, sensors[s], duration[s], site)
+        _innovate(state, observations[k], metres, innovation)
+        _correct(state, gain[k], innovation, correction, metres)
+        if len(estimate_history) > 0:
+            estimate_history[k] = state[:COUNT]
+            innovation_history[k] = innovation
+    start[:] = state
+
+
+@njit(**INLINE)
+def _navigate(state, increments, dt, site):
+    for j in range(LANES):
+        angle = (increments[0, j], increments[1, j], increments[2, j])
+        velocity = (increments[3, j], increments[4, j], increments[5, j])
+        angle, velocity = compensate(state, j, angle, velocity, dt)
+        advance(state, _NAV, j, angle, velocity, dt, site)
+
+
+@njit(**INLINE)
+def _innovate(state, observation, metres, innovation):
+    for i in range(3):
+        for j in range(LANES):
+            innovation[i, j] = state[_NAV + 9 + i, j] - observation[i, j]
+        for j in range(LANES):
+            innovation[3 + i, j] = state[_NAV + 12 + i, j] * metres[i] - observation[3 + i, j]
+
+
+@njit(**INLINE)
+def _correct(state, gain, innovation, correction, metres):
+    """Feed back: navigation errors are navigated minus true, constants true minus estimated."""
+    for i in range(NAVIGATION):
+        for j in range(LANES):
+            correction[i, j] = _product(gain, i, innovation, j)
+    for i in range(CONSTANTS):
+        for j in range(LANES):
+            state[i, j] += _product(gain, NAVIGATION + i, innovation, j)
+    for j in range(LANES):
+        rotate_left(state, _NAV, j, (correction[0, j], correction[1, j], correction[2, j]))
+    for i in range(3):
+        for j in range(LANES):
+            state[_NAV + 9 + i, j] -= correction[3 + i, j]
+            state[_NAV + 12 + i, j] -= correction[6 + i, j] / metres[i]
+
+
+@njit(**INLINE)
+def _product(gain, row, innovation, j):
+    return (
+        gain[row, 0] * innovation[0, j]
+        + gain[row, 1] * innovation[1, j]
+        + gain[row, 2] * innovation[2, j]
+        + gain[row, 3] * innovation[3, j]
+        + gain[row, 4] * innovation[4, j]
+        + gain[row, 5] * innovation[5, j]
+    )

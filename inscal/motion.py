@@ -1,0 +1,167 @@
+"""True motion along a schedule: what perfect inertial sensors integrate in every step.
+
+The table turns the body about its centre, which stays at one point of the Earth. So the specific
+force is minus gravity, constant in the navigation frame, and the body rate is the Earth's plus the
+table's. In a steady turn both integrals are closed forms; no step size enters their accuracy.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from inscal import earth
+from inscal.rotation import mean_rotation
+from inscal.schedule import Schedule, Segment, initial_attitude, segments
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where the table stands.
+
+    Attributes
+    ----------
+    latitude : float
+        Geodetic latitude, rad.
+    height : float
+        Height above the ellipsoid, m.
+    """
+
+    latitude: float
+    height: float
+
+
+@dataclass(frozen=True)
+class Motion:
+    """True increments of a schedule, step by step.
+
+    Attributes
+    ----------
+    duration : ndarray, shape (steps,)
+        Length of each step, s.
+    angle : ndarray, shape (steps, 3)
+        Integral of the body rate relative to inertial space, in body axes, rad.
+    velocity : ndarray, shape (steps, 3)
+        Integral of the specific force, in body axes, m/s.
+    update_step : ndarray of int, shape (updates + 1,)
+        Steps ``update_step[k]:update_step[k + 1]`` lead to update k.
+    initial_attitude : ndarray, shape (3, 3)
+        Body-to-NED matrix at the start.
+    """
+
+    duration: np.ndarray
+    angle: np.ndarray
+    velocity: np.ndarray
+    update_step: np.ndarray
+    initial_attitude: np.ndarray
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return len(self.duration)
+
+    @property
+    def updates(self) -> int:
+        """Number of updates."""
+        return len(self.update_step) - 1
+
+
+def update_count(schedule: Schedule, update_interval: float) -> int:
+    """Number of filter updates on a schedule.
+
+    Raises
+    ------
+    ValueError
+        If the schedule is not a whole number of update intervals long.
+    """
+    count = round(schedule.duration / update_interval)
+    if count < 1 or abs(count * update_interval - schedule.duration) > 1e-6 * update_interval:
+        raise ValueError(
+            f"schedule of {schedule.duration:g} s is no multiple of the {update_interval:g} s update"
+        )
+    return count
+
+
+def cut(segment: Segment, update_interval: float) -> np.ndarray:
+    """Times that cut a segment at the filter updates, its own ends included.
+
+    Parameters
+    ----------
+    segment : Segment
+    update_interval : float
+        s.
+
+    Returns
+    -------
+    ndarray, shape (pieces + 1,)
+        Times since the start of the schedule, s.
+    """
+    tolerance = 1e-9
+    first = np.floor(segment.start / update_interval + tolerance) + 1
+    last = np.ceil(segment.end / update_interval - tolerance)
+    inner = np.arange(first, last) * update_interval
+    return np.concatenate([[segment.start], inner, [segment.end]])
+
+
+def update_of(edges: np.ndarray, update_interval: float) -> np.ndarray:
+    """Number of the update that each piece between two `edges` leads to."""
+    middle = 0.5 * (edges[:-1] + edges[1:])
+    return np.floor(middle / update_interval).astype(np.int64)
+
+
+def attitude_at(segment: Segment, times: np.ndarray) -> np.ndarray:
+    """Body-to-NED matrices at times within a segment, shape (len(times), 3, 3)."""
+    if not segment.rate.any():
+        return np.broadcast_to(segment.attitude, (len(times), 3, 3))
+    turned = Rotation.from_rotvec((times - segment.start)[:, None] * segment.rate)
+    return segment.attitude @ turned.as_matrix()
+
+
+def build_motion(
+    schedule: Schedule, site: Site, *, update_interval: float, dwell_step: float, turn_step: float
+) -> Motion:
+    """True increments of a perfect sensor along a schedule.
+
+    Steps end at update times and where a turn begins or ends; between those a stretch is cut into
+    the fewest equal steps no longer than `dwell_step` or `turn_step`.
+
+    Parameters
+    ----------
+    schedule : Schedule
+    site : Site
+    update_interval, dwell_step, turn_step : float
+        s.
+
+    Returns
+    -------
+    Motion
+
+    Raises
+    ------
+    ValueError
+        If the schedule is not a whole number of update intervals long, or a turn does not fit.
+    """
+    steps_of_update = np.zeros(update_count(schedule, update_interval), dtype=np.int64)
+    durations, attitudes, rates = [], [], []
+    for segment in segments(schedule):
+        longest = turn_step if segment.rate.any() else dwell_step
+        edges = cut(segment, update_interval)
+        length = np.diff(edges)
+        count = np.maximum(1, np.ceil(length / longest - 1e-6)).astype(np.int64)
+        np.add.at(steps_of_update, update_of(edges, update_interval), count)
+        step = np.repeat(length / count, count)
+        within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        durations.append(step)
+        attitudes.append(attitude_at(segment, np.repeat(edges[:-1], count) + within * step))
+        rates.append(np.broadcast_to(segment.rate, (len(step), 3)))
+    duration, rate = np.concatenate(durations), np.concatenate(rates)
+    # the integral of the NED-to-body matrix over the step: J(-turn) transposes the start attitude
+    to_body = mean_rotation(-rate * duration[:, None]) @ np.concatenate(attitudes).mT
+    to_body *= duration[:, None, None]
+    return Motion(
+        duration=duration,
+        angle=rate * duration[:, None] + to_body @ earth.earth_rate_ned(site.latitude),
+        velocity=to_body @ -earth.gravity_ned(site.latitude, site.height),
+        update_step=np.concatenate([[0], np.cumsum(steps_of_update)]),
+        initial_attitude=initial_attitude(schedule.initial_posture),
+    )

@@ -1,0 +1,136 @@
+r"""Strapdown navigation in the local North-East-Down frame.
+
+One step takes compensated increments :math:`\Delta\theta, \Delta v` of length dt. With the body's
+rotation relative to the navigation frame
+
+.. math:: \theta = \Delta\theta - J(-\theta)\, C^T \omega_{in}\, dt
+
+the attitude is turned, :math:`C \leftarrow C \exp[\theta\times]`, and the velocity gains
+
+.. math:: \Delta v^n = C\, J(\theta)^{-1} \Delta v + (g - (2\omega_{ie} + \omega_{en}) \times V)\, dt
+
+with the new C and J of `inscal.rotation`. This is exact, at any step size, for a body that turns
+steadily while its specific force is constant in the navigation frame, which is what a turntable
+does; for general motion it is second order like the usual coning and sculling terms (Savage,
+Strapdown Analytics, 2000, ch. 7). Attitude first and velocity after it makes the Schuler loop a
+symplectic Euler scheme: it neither grows nor decays.
+
+Position is kept as offsets from the site (rad of latitude and longitude, m of height), so the sines
+of latitude are short series, good to rounding within `MAX_OFFSET`.
+"""
+
+import numpy as np
+from numba import njit
+
+from inscal import earth
+from inscal.kernel import INLINE
+from inscal.motion import Site
+from inscal.rotation import cross, series, turn
+
+MAX_OFFSET = 0.01
+"""Largest latitude offset from the site, rad (64 km), for which its series is exact to rounding."""
+
+ATTITUDE, VELOCITY, POSITION, ROWS = 0, 9, 12, 15
+"""First rows of the body-to-NED matrix (row by row), velocity and position, and their count."""
+
+
+def site_constants(site: Site) -> tuple[float, float, float]:
+    """Sine and cosine of latitude, and height: what `advance` needs to know of a site."""
+    return float(np.sin(site.latitude)), float(np.cos(site.latitude)), site.height
+
+
+@njit(**INLINE)
+def advance(state, row, j, angle, velocity, dt, site):
+    """Navigate lane `j` through one step.
+
+    Parameters
+    ----------
+    state : ndarray, shape (rows, lanes)
+        Rows ``row`` to ``row + 14`` hold the attitude matrix, velocity North, East, Down (m/s) and
+        the position offsets latitude, longitude (rad) and height (m); updated in place.
+    row : int
+        First of those rows.
+    j : int
+        Lane.
+    angle, velocity : tuple of 3 float
+        Compensated increments, rad and m/s.
+    dt : float
+        Length of the step, s.
+    site : tuple of float
+        From `site_constants`.
+    """
+    at, vel, pos = row + ATTITUDE, row + VELOCITY, row + POSITION
+    v = (state[vel, j], state[vel + 1, j], state[vel + 2, j])
+    offset = state[pos, j]
+    height = site[2] + state[pos + 2, j]
+
+    o2 = offset * offset
+    sin_o = offset * (1.0 - o2 * (1 / 6 - o2 * (1 / 120)))
+    cos_o = 1.0 - o2 * (0.5 - o2 * (1 / 24 - o2 * (1 / 720)))
+    sin_lat = site[0] * cos_o + site[1] * sin_o
+    cos_lat = site[1] * cos_o - site[0] * sin_o
+    meridian, prime_vertical = earth.radii_of_curvature(sin_lat)
+    per_n, per_e = 1.0 / (meridian + height), 1.0 / (prime_vertical + height)
+    ie = (earth.EARTH_RATE * cos_lat, 0.0, -earth.EARTH_RATE * sin_lat)
+    en = (v[1] * per_e, -v[0] * per_n, -v[1] * per_e * sin_lat / cos_lat)
+
+    c = (
+        (state[at, j], state[at + 1, j], state[at + 2, j]),
+        (state[at + 3, j], state[at + 4, j], state[at + 5, j]),
+        (state[at + 6, j], state[at + 7, j], state[at + 8, j]),
+    )
+    w = ((ie[0] + en[0]) * dt, en[1] * dt, (ie[2] + en[2]) * dt)
+    frame = (
+        c[0][0] * w[0] + c[1][0] * w[1] + c[2][0] * w[2],
+        c[0][1] * w[0] + c[1][1] * w[1] + c[2][1] * w[2],
+        c[0][2] * w[0] + c[1][2] * w[1] + c[2][2] * w[2],
+    )
+    # the frame's rotation is the smaller by far: its J needs the turn only to first order
+    t = (angle[0] - frame[0], angle[1] - frame[1], angle[2] - frame[2])
+    _, b, e, _ = series(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
+    frame = turn(-b, e, t, frame)
+    t = (angle[0] - frame[0], angle[1] - frame[1], angle[2] - frame[2])
+    a, b, _, d = series(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
+
+    force = turn(-0.5, d, t, velocity)
+    minus = (-t[0], -t[1], -t[2])
+    c0, c1, c2 = turn(a, b, minus, c[0]), turn(a, b, minus, c[1]), turn(a, b, minus, c[2])
+    state[at, j], state[at + 1, j], state[at + 2, j] = c0
+    state[at + 3, j], state[at + 4, j], state[at + 5, j] = c1
+    state[at + 6, j], state[at + 7, j], state[at + 8, j] = c2
+    gained = (
+        c0[0] * force[0] + c0[1] * force[1] + c0[2] * force[2],
+        c1[0] * force[0] + c1[1] * force[1] + c1[2] * force[2],
+        c2[0] * force[0] + c2[1] * force[1] + c2[2] * force[2],
+    )
+    coriolis = cross((2.0 * ie[0] + en[0], en[1], 2.0 * ie[2] + en[2]), v)
+    gravity = earth.normal_gravity(sin_lat, height)
+    n = (
+        v[0] + gained[0] - coriolis[0] * dt,
+        v[1] + gained[1] - coriolis[1] * dt,
+        v[2] + gained[2] + (gravity - coriolis[2]) * dt,
+    )
+    state[vel, j], state[vel + 1, j], state[vel + 2, j] = n
+    state[pos, j] = offset + 0.5 * (v[0] + n[0]) * per_n * dt
+    state[pos + 1, j] += 0.5 * (v[1] + n[1]) * per_e / cos_lat * dt
+    state[pos + 2, j] -= 0.5 * (v[2] + n[2]) * dt
+
+
+@njit(**INLINE)
+def rotate_left(state, row, j, phi):
+    """Turn the attitude of lane `j` by a rotation vector in the navigation frame.
+
+    Parameters
+    ----------
+    state : ndarray, shape (rows, lanes)
+    row : int
+        First row of the attitude matrix C, which becomes exp[phi x] C.
+    j : int
+        Lane.
+    phi : tuple of 3 float
+        Rotation vector, rad.
+    """
+    a, b, _, _ = series(phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2])
+    for i in range(3):
+        column = turn(a, b, phi, (state[row + i, j], state[row + 3 + i, j], state[row + 6 + i, j]))
+        state[row + i, j], state[row + 3 + i, j], state[row + 6 + i, j] = column

@@ -1,0 +1,209 @@
+"""Calibration schedules: a list of turns, and the postures and motion segments they lead to.
+
+A schedule starts in a posture (the directions in which the body axes point), dwells, turns about a
+body axis at a constant rate, dwells again, and so on. Every position lasts equally long, its turn
+included; the last one only dwells (paper section 4, Table 1).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+DIRECTIONS: dict[str, tuple[int, int, int]] = {
+    "North": (1, 0, 0),
+    "South": (-1, 0, 0),
+    "East": (0, 1, 0),
+    "West": (0, -1, 0),
+    "Down": (0, 0, 1),
+    "Up": (0, 0, -1),
+}
+"""Named directions as unit vectors in the North-East-Down frame."""
+
+AXES = "XYZ"
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One rotation of the table about a body axis.
+
+    Attributes
+    ----------
+    angle : float
+        Right-handed angle, rad; negative turns the other way.
+    axis : int
+        Body axis, 0, 1 or 2 for x, y or z.
+    """
+
+    angle: float
+    axis: int
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """A calibration path.
+
+    Attributes
+    ----------
+    initial_posture : tuple of str
+        Directions of the x, y and z body axes before the first turn, names of `DIRECTIONS`.
+    turns : tuple of Turn
+        The turns; there is one position more.
+    position_duration : float
+        Time from one position to the next, its turn included, s.
+    turn_rate : float
+        Rate of every turn, rad/s.
+    """
+
+    initial_posture: tuple[str, str, str]
+    turns: tuple[Turn, ...]
+    position_duration: float
+    turn_rate: float
+
+    @property
+    def positions(self) -> int:
+        """Number of positions."""
+        return len(self.turns) + 1
+
+    @property
+    def duration(self) -> float:
+        """Duration of the whole path, s."""
+        return self.positions * self.position_duration
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of steady rotation relative to the Earth (a dwell being rotation at rate zero).
+
+    Attributes
+    ----------
+    start, end : float
+        Time since the start of the schedule, s.
+    attitude : ndarray, shape (3, 3)
+        Body-to-NED matrix at `start`.
+    rate : ndarray, shape (3,)
+        Body rate relative to the Earth, in body axes, rad/s.
+    """
+
+    start: float
+    end: float
+    attitude: np.ndarray
+    rate: np.ndarray
+
+
+def initial_attitude(posture: Sequence[str]) -> np.ndarray:
+    """Body-to-NED matrix of a posture.
+
+    Parameters
+    ----------
+    posture : sequence of str
+        Directions of the x, y and z body axes.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+
+    Raises
+    ------
+    ValueError
+        If the three directions are not a right-handed triad.
+    """
+    matrix = np.array([DIRECTIONS[name] for name in posture], dtype=float).T
+    if matrix.shape != (3, 3) or not np.isclose(np.linalg.det(matrix), 1.0):
+        raise ValueError(f"posture {list(posture)} is not a right-handed triad of directions")
+    return matrix
+
+
+def turn_vector(turn: Turn) -> np.ndarray:
+    """Rotation vector of a turn in body axes, rad, shape (3,)."""
+    vector = np.zeros(3)
+    vector[turn.axis] = turn.angle
+    return vector
+
+
+def attitudes(schedule: Schedule) -> np.ndarray:
+    """Body-to-NED matrix of every dwell.
+
+    Returns
+    -------
+    ndarray, shape (positions, 3, 3)
+    """
+    out = [initial_attitude(schedule.initial_posture)]
+    for turn in schedule.turns:
+        out.append(out[-1] @ Rotation.from_rotvec(turn_vector(turn)).as_matrix())
+    return np.array(out)
+
+
+def postures(schedule: Schedule) -> list[tuple[str, str, str]]:
+    """Named posture of every dwell, as in the paper's Table 1.
+
+    Raises
+    ------
+    ValueError
+        If a body axis points along none of the named directions.
+    """
+    names = {direction: name for name, direction in DIRECTIONS.items()}
+    out = []
+    for row, matrix in enumerate(attitudes(schedule), start=1):
+        rounded = np.rint(matrix)
+        if not np.allclose(matrix, rounded, atol=1e-9):
+            raise ValueError(f"position {row} points an axis along no named direction")
+        x, y, z = (names[(int(a), int(b), int(c))] for a, b, c in rounded.T)
+        out.append((x, y, z))
+    return out
+
+
+def weak_pairs(schedule: Schedule) -> list[tuple[str, str, str]]:
+    """Parameter pairs that a path's dwells cannot tell apart.
+
+    An accelerometer's bias, scale factor and quadratic term act on its axis as 1, f and f^2. Three
+    unknowns need three different f: the axis has to be seen up, level and down. Without up or down
+    the scale factor and the quadratic term merge; without level the bias and the quadratic term do.
+
+    Returns
+    -------
+    list of (str, str, str)
+        Two parameter names and the direction never seen, e.g. ``"+y up"``.
+    """
+    down = attitudes(schedule)[:, 2, :]
+    out = []
+    for i, axis in enumerate("xyz"):
+        scale, quadratic = f"accel_k{i + 1}{i + 1}", f"accel_quadratic_{axis}"
+        component = down[:, i]
+        if not (component < -0.5).any():
+            out.append((scale, quadratic, f"+{axis} up"))
+        if not (component > 0.5).any():
+            out.append((scale, quadratic, f"+{axis} down"))
+        if not (abs(component) < 0.5).any():
+            out.append((f"accel_bias_{axis}", quadratic, f"{axis} level"))
+    return out
+
+
+def segments(schedule: Schedule) -> list[Segment]:
+    """Dwells and turns of a schedule in order of time.
+
+    Raises
+    ------
+    ValueError
+        If a turn takes longer than a position.
+    """
+    out = []
+    dwells = attitudes(schedule)
+    for position, attitude in enumerate(dwells):
+        start = position * schedule.position_duration
+        end = start + schedule.position_duration
+        if position == len(schedule.turns):
+            out.append(Segment(start, end, attitude, np.zeros(3)))
+            break
+        vector = turn_vector(schedule.turns[position])
+        angle = np.linalg.norm(vector)
+        turn_start = end - angle / schedule.turn_rate
+        if turn_start < start:
+            raise ValueError(
+                f"turn {position + 1} takes {angle / schedule.turn_rate:g} s, longer than a position"
+            )
+        if turn_start > start:
+            out.append(Segment(start, turn_start, attitude, np.zeros(3)))
+        out.append(Segment(turn_start, end, attitude, vector / angle * schedule.turn_rate))
+    return out

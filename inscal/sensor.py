@@ -1,0 +1,157 @@
+"""The sensor model and its compensation, exact inverses of each other (paper eqs. 1-3).
+
+True rate and specific force follow from what the sensors give by
+
+    w = (I + dKg) w_meas + eps
+    f = (I + dKa)(f_meas + D2 . f_meas^2) + nabla + f_L,   f_L,i = (w_j^2 + w_k^2) r_i
+
+with dKg lower triangular. Both are applied to the increments of a step, that is to mean rates: a
+sensor that reads out increments knows no more. The outer sign of f_L is the geometric one: an
+accelerometer outside the centre of rotation loses the centripetal part, so compensation adds it.
+
+The functions work on lane ``j`` of an array with one row per parameter in state order (more rows
+may follow), so that lane loops vectorise; they are plain functions in Python too.
+"""
+
+import numpy as np
+from numba import njit
+
+from inscal.kernel import INLINE
+from inscal.parameters import INDEX
+
+_EPS = INDEX["gyro_bias"].start
+_NABLA = INDEX["accel_bias"].start
+_KG = INDEX["gyro_k"].start
+_KA = INDEX["accel_k"].start
+_D2 = INDEX["accel_quadratic"].start
+_R = INDEX["lever_arm"].start
+
+
+def inverse_matrices(truth: np.ndarray) -> np.ndarray:
+    """Inverses of I + dKg and I + dKa.
+
+    Parameters
+    ----------
+    truth : ndarray, shape (27, lanes)
+        Parameters in state order, SI.
+
+    Returns
+    -------
+    ndarray, shape (15, lanes)
+        The six entries of the lower triangular gyro inverse and the nine of the accelerometers',
+        each column by column as in `truth`.
+    """
+    lanes = truth.shape[1]
+    gyro, accel = np.zeros((2, lanes, 3, 3))
+    columns, rows = np.triu_indices(3)  # a lower triangle column by column
+    gyro[:, rows, columns] = truth[INDEX["gyro_k"]].T
+    accel[:] = truth[INDEX["accel_k"]].T.reshape(lanes, 3, 3).mT
+    gyro, accel = np.linalg.inv(np.eye(3) + gyro), np.linalg.inv(np.eye(3) + accel)
+    return np.concatenate([gyro[:, rows, columns].T, accel.mT.reshape(lanes, 9).T])
+
+
+@njit(**INLINE)
+def lever_arm_force(p, j, w):
+    """Specific force that the inner lever arms take away, m/s^2, at body rate `w`, rad/s."""
+    x, y, z = w[0] * w[0], w[1] * w[1], w[2] * w[2]
+    return (y + z) * p[_R, j], (z + x) * p[_R + 1, j], (x + y) * p[_R + 2, j]
+
+
+@njit(**INLINE)
+def sense(p, inverse, j, angle, velocity, angle_noise, velocity_noise, dt):
+    """Increments that imperfect sensors report.
+
+    Parameters
+    ----------
+    p : ndarray, shape (27, lanes)
+        True parameters, SI.
+    inverse : ndarray, shape (15, lanes)
+        From `inverse_matrices`.
+    j : int
+        Lane.
+    angle, velocity : tuple of 3 float
+        True increments, rad and m/s.
+    angle_noise, velocity_noise : tuple of 3 float
+        White noise of the step on the model's right-hand side, rad and m/s.
+    dt : float
+        Length of the step, s.
+
+    Returns
+    -------
+    angle, velocity : tuple of 3 float
+        Reported increments, rad and m/s; NaN where the quadratic term allows no solution.
+    """
+    rate = 1.0 / dt
+    lever = lever_arm_force(p, j, (angle[0] * rate, angle[1] * rate, angle[2] * rate))
+    wx = angle[0] - angle_noise[0] - p[_EPS, j] * dt
+    wy = angle[1] - angle_noise[1] - p[_EPS + 1, j] * dt
+    wz = angle[2] - angle_noise[2] - p[_EPS + 2, j] * dt
+    fx = (velocity[0] - velocity_noise[0]) * rate - p[_NABLA, j] - lever[0]
+    fy = (velocity[1] - velocity_noise[1]) * rate - p[_NABLA + 1, j] - lever[1]
+    fz = (velocity[2] - velocity_noise[2]) * rate - p[_NABLA + 2, j] - lever[2]
+    g = inverse
+    return (
+        g[0, j] * wx,
+        g[1, j] * wx + g[3, j] * wy,
+        g[2, j] * wx + g[4, j] * wy + g[5, j] * wz,
+    ), (
+        dt * _unsquare(p[_D2, j], g[6, j] * fx + g[9, j] * fy + g[12, j] * fz),
+        dt * _unsquare(p[_D2 + 1, j], g[7, j] * fx + g[10, j] * fy + g[13, j] * fz),
+        dt * _unsquare(p[_D2 + 2, j], g[8, j] * fx + g[11, j] * fy + g[14, j] * fz),
+    )
+
+
+@njit(**INLINE)
+def _unsquare(d2, u):
+    """Solve f + d2 f^2 = u for the root near u, without cancellation when d2 is small."""
+    return 2.0 * u / (1.0 + np.sqrt(1.0 + 4.0 * d2 * u))
+
+
+@njit(**INLINE)
+def compensate(p, j, angle, velocity, dt):
+    """Increments of a step, corrected by estimated parameters: the inverse of `sense`.
+
+    Parameters
+    ----------
+    p : ndarray, shape (27 or more, lanes)
+        Estimated parameters in the first 27 rows, SI.
+    j : int
+        Lane.
+    angle, velocity : tuple of 3 float
+        Reported increments, rad and m/s.
+    dt : float
+        Length of the step, s.
+
+    Returns
+    -------
+    angle, velocity : tuple of 3 float
+        Compensated increments, rad and m/s.
+    """
+    rate = 1.0 / dt
+    wx = angle[0] + p[_KG, j] * angle[0] + p[_EPS, j] * dt
+    wy = angle[1] + p[_KG + 1, j] * angle[0] + p[_KG + 3, j] * angle[1] + p[_EPS + 1, j] * dt
+    wz = (
+        angle[2]
+        + p[_KG + 2, j] * angle[0]
+        + p[_KG + 4, j] * angle[1]
+        + p[_KG + 5, j] * angle[2]
+        + p[_EPS + 2, j] * dt
+    )
+    lever = lever_arm_force(p, j, (wx * rate, wy * rate, wz * rate))
+    fx = velocity[0] + p[_D2, j] * velocity[0] * velocity[0] * rate
+    fy = velocity[1] + p[_D2 + 1, j] * velocity[1] * velocity[1] * rate
+    fz = velocity[2] + p[_D2 + 2, j] * velocity[2] * velocity[2] * rate
+    k = _KA
+    return (wx, wy, wz), (
+        fx
+        + (p[k, j] * fx + p[k + 3, j] * fy + p[k + 6, j] * fz)
+        + (p[_NABLA, j] + lever[0]) * dt,
+        fy
+        + (p[k + 1, j] * fx + p[k + 4, j] * fy + p[k + 7, j] * fz)
+        + (p[_NABLA + 1, j] + lever[1]) * dt,
+        fz
+        + (p[k + 2, j] * fx + p[k + 5, j] * fy + p[k + 8, j] * fz)
+        + (p[_NABLA + 2, j] + lever[2]) * dt,
+    )
+
+

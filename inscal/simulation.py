@@ -1,0 +1,187 @@
+"""Truth: the simulated sensors, their noise and what a laboratory would record of them.
+
+**Random numbers.** Every run owns four streams, named by the campaign's seed, the run's number and a
+purpose, and by nothing else: no batch, worker or schedule enters. A run therefore meets the same
+sensor, the same initial errors and the same standardised noise under every schedule and noise
+level. Campaigns that share a seed are paired run by run (which is what a comparison wants), and the
+runs of one campaign are independent of each other (which is what its own statistics want).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.spatial.transform import Rotation
+
+from inscal.calibrator import Record
+from inscal.kernel import KERNEL, LANES
+from inscal.motion import Motion
+from inscal.parameters import COUNT
+from inscal.recursion import InitialStd
+from inscal.sensor import inverse_matrices, sense
+from inscal.state_model import NoiseModel
+
+PURPOSES = {"truth": 0, "initial": 1, "sensors": 2, "observations": 3}
+"""Streams of a run."""
+
+_BLOCK = 64
+"""Steps whose normals are drawn for one lane after the other: small enough to stay in cache."""
+
+
+@dataclass(frozen=True)
+class TruthModel:
+    """How the true parameters of a run are drawn.
+
+    Attributes
+    ----------
+    distribution : str
+        ``"fixed"`` (always `scale`), ``"normal"`` (zero mean, `scale` the sigma) or ``"uniform"``
+        (between -`scale` and `scale`).
+    scale : ndarray, shape (27,)
+        In state order, SI.
+    """
+
+    distribution: str
+    scale: np.ndarray
+
+
+def generator(seed: int, run: int, purpose: str) -> np.random.Generator:
+    """Random stream of one run for one purpose.
+
+    Parameters
+    ----------
+    seed : int
+        The campaign's.
+    run : int
+    purpose : str
+        Key of `PURPOSES`.
+
+    Returns
+    -------
+    numpy.random.Generator
+    """
+    sequence = np.random.SeedSequence(seed, spawn_key=(run, PURPOSES[purpose]))
+    return np.random.Generator(np.random.SFC64(sequence))
+
+
+def draw_truth(model: TruthModel, seed: int, run: int) -> np.ndarray:
+    """True parameters of a run.
+
+    Returns
+    -------
+    ndarray, shape (27,)
+        In state order, SI.
+
+    Raises
+    ------
+    ValueError
+        If the distribution is unknown.
+    """
+    rng = generator(seed, run, "truth")
+    match model.distribution:
+        case "fixed":
+            return model.scale.copy()
+        case "normal":
+            return model.scale * rng.standard_normal(COUNT)
+        case "uniform":
+            return model.scale * rng.uniform(-1.0, 1.0, COUNT)
+    raise ValueError(f"truth distribution {model.distribution!r}: fixed, normal or uniform")
+
+
+def simulate(
+    truth: np.ndarray,
+    motion: Motion,
+    noise: NoiseModel,
+    initial: InitialStd,
+    *,
+    seed: int,
+    runs: Sequence[int],
+) -> Record:
+    """Record of `LANES` simulated calibrations.
+
+    Parameters
+    ----------
+    truth : ndarray, shape (27, LANES)
+        True parameters, SI.
+    motion : Motion
+    noise : NoiseModel
+        True noise of sensors and observations.
+    initial : InitialStd
+        Standard deviations of the initial attitude, velocity and position errors.
+    seed : int
+        The campaign's.
+    runs : sequence of int, length LANES
+        Run numbers; they choose the random streams.
+
+    Returns
+    -------
+    Record
+    """
+    errors = np.array([generator(seed, r, "initial").standard_normal(9) for r in runs]).T
+    misalignment = Rotation.from_rotvec(-(initial.attitude[:, None] * errors[0:3]).T)
+    nominal = Rotation.from_matrix(motion.initial_attitude)
+    observations = np.empty((motion.updates, 6, LANES))
+    scale = np.repeat([noise.velocity, noise.position], 3)
+    _draw(tuple(generator(seed, r, "observations") for r in runs), observations)
+    observations *= scale[:, None]
+    sensors = np.empty((motion.steps, 6, LANES))
+    _simulate_sensors(
+        tuple(generator(seed, r, "sensors") for r in runs),
+        truth,
+        inverse_matrices(truth),
+        motion.duration,
+        motion.angle,
+        motion.velocity,
+        noise.gyro,
+        noise.accel,
+        sensors,
+    )
+    return Record(
+        sensors=sensors,
+        observations=observations,
+        attitude=np.moveaxis((misalignment * nominal).as_matrix(), 0, -1),
+        velocity=initial.velocity * errors[3:6],
+        position=initial.position * errors[6:9],
+    )
+
+
+@njit(**KERNEL)
+def _draw(generators, out):
+    """Fill (steps, 6, LANES) with standard normals; each lane in order of time and channel."""
+    for first in range(0, len(out), _BLOCK):
+        _draw_block(generators, out, first, min(first + _BLOCK, len(out)))
+
+
+@njit(**KERNEL)
+def _draw_block(generators, out, first, last):
+    for j in range(LANES):
+        rng = generators[j]
+        for s in range(first, last):
+            for c in range(6):
+                out[s, c, j] = rng.standard_normal()
+
+
+@njit(**KERNEL)
+def _simulate_sensors(
+    generators, truth, inverse, duration, angle, velocity, gyro_noise, accel_noise, out
+):
+    """Reported increments of all steps: noise is drawn block by block and turned in place."""
+    p = np.empty((COUNT, LANES))
+    p[:] = truth
+    g = np.empty((15, LANES))
+    g[:] = inverse
+    for first in range(0, len(out), _BLOCK):
+        last = min(first + _BLOCK, len(out))
+        _draw_block(generators, out, first, last)
+        for s in range(first, last):
+            dt = duration[s]
+            gyro, accel = gyro_noise * np.sqrt(dt), accel_noise * np.sqrt(dt)
+            da = (angle[s, 0], angle[s, 1], angle[s, 2])
+            dv = (velocity[s, 0], velocity[s, 1], velocity[s, 2])
+            for j in range(LANES):
+                na = (gyro * out[s, 0, j], gyro * out[s, 1, j], gyro * out[s, 2, j])
+                nv = (accel * out[s, 3, j], accel * out[s, 4, j], accel * out[s, 5, j])
+                a, v = sense(p, g, j, da, dv, na, nv, dt)
+                out[s, 0, j], out[s, 1, j], out[s, 2, j] = a
+                out[s, 3, j], out[s, 4, j], out[s, 5, j] = v

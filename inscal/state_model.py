@@ -1,0 +1,265 @@
+"""What the filter believes: its states, their linear dynamics and their noise.
+
+The state is the paper's (eq. 7): attitude error, velocity error, position error, then the modelled
+sensor parameters. In phi-angle form, with C_hat = (I - [phi x]) C and parameters true minus
+estimated, the dynamics are (paper eqs. 4-6)
+
+    d(phi)/dt = -w_in x phi + dw_in + C (dKg w + eps)
+    d(dV)/dt  = f_n x phi - (2 w_ie + w_en) x dV - C (dKa f + nabla + D2 f^2 + f_L) + dg
+    d(dp)/dt  = dV
+
+Position error is kept in metres north, metres east and metres of height. The gravity error dg,
+which the paper neglects, is kept to first order in height: it costs nothing, and the linear model
+is then the derivative of the navigation equations.
+
+On the table the velocity is zero and the position fixed, so the navigation block of the dynamics is
+one constant matrix; only the parameter columns turn with the body.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from inscal import earth, parameters
+from inscal.motion import Site, attitude_at, cut, update_count, update_of
+from inscal.rotation import skew
+from inscal.schedule import Schedule, segments
+
+NAVIGATION = 9
+"""Navigation states: three each of attitude (N, E, D), velocity (N, E, D) and position (N, E, h)."""
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+
+
+@dataclass(frozen=True)
+class StateModel:
+    """The parameters a filter estimates; all others it believes to be exactly zero.
+
+    Attributes
+    ----------
+    groups : tuple of str
+        Keys of `parameters.GROUPS`. All six make the paper's 36 states; leaving out
+        ``accel_quadratic`` and ``lever_arm`` makes the classic 30.
+    """
+
+    groups: tuple[str, ...] = tuple(parameters.GROUPS)
+
+    @property
+    def columns(self) -> np.ndarray:
+        """Indices of the modelled parameters in a 27-vector, in state order."""
+        return np.concatenate(
+            [np.arange(parameters.COUNT)[s] for g, s in parameters.INDEX.items() if g in self.groups]
+        )
+
+    @property
+    def states(self) -> int:
+        """Number of filter states."""
+        return NAVIGATION + len(self.columns)
+
+
+@dataclass(frozen=True)
+class NoiseModel:
+    """White noise densities of the sensors and standard deviations of the observations, SI.
+
+    Attributes
+    ----------
+    gyro : float
+        Angle random walk, rad/sqrt(s).
+    accel : float
+        Accelerometer white noise, m/s^2/sqrt(Hz); over t seconds the velocity walks by
+        ``accel * sqrt(t)``.
+    velocity : float
+        Velocity observation, m/s per component.
+    position : float
+        Position observation, m per component.
+    """
+
+    gyro: float
+    accel: float
+    velocity: float
+    position: float
+
+
+@dataclass(frozen=True)
+class Transitions:
+    """The discrete linear model between updates.
+
+    Attributes
+    ----------
+    navigation : ndarray, shape (9, 9)
+        Transition of the navigation states over one update interval.
+    parameter : ndarray, shape (distinct, 9, n)
+        Effect of the parameters on the navigation states over one interval.
+    index : ndarray of int, shape (updates,)
+        Which of `parameter` leads to each update.
+    noise : ndarray, shape (9, 9)
+        Covariance that sensor noise adds over one interval.
+    """
+
+    navigation: np.ndarray
+    parameter: np.ndarray
+    index: np.ndarray
+    noise: np.ndarray
+
+
+def navigation_dynamics(site: Site) -> np.ndarray:
+    """Continuous dynamics of the navigation states at rest.
+
+    Parameters
+    ----------
+    site : Site
+
+    Returns
+    -------
+    ndarray, shape (9, 9)
+        Time derivative of (phi, dV, dp) per unit of each, SI.
+    """
+    sin_lat, cos_lat, tan_lat = np.sin(site.latitude), np.cos(site.latitude), np.tan(site.latitude)
+    meridian, prime_vertical = earth.radii_of_curvature(sin_lat)
+    radius_n, radius_e = meridian + site.height, prime_vertical + site.height
+    w_ie = earth.earth_rate_ned(site.latitude)
+    gravity = earth.gravity_ned(site.latitude, site.height)
+
+    a = np.zeros((NAVIGATION, NAVIGATION))
+    a[0:3, 0:3] = -skew(w_ie)
+    a[0, 4], a[1, 3], a[2, 4] = 1 / radius_e, -1 / radius_n, -tan_lat / radius_e
+    a[0:3, 6] = earth.EARTH_RATE * np.array([-sin_lat, 0.0, -cos_lat]) / radius_n
+    a[3:6, 0:3] = skew(-gravity)
+    a[3:6, 3:6] = -2 * skew(w_ie)
+    step = 1.0  # m; the central difference is exact for a quadratic
+    a[5, 8] = (
+        earth.normal_gravity(sin_lat, site.height + step)
+        - earth.normal_gravity(sin_lat, site.height - step)
+    ) / (2 * step)
+    a[6, 3] = a[7, 4] = 1.0
+    a[8, 5] = -1.0
+    return a
+
+
+def parameter_dynamics(
+    attitude: np.ndarray, angular_rate: np.ndarray, specific_force: np.ndarray
+) -> np.ndarray:
+    """Effect of the 27 parameter errors on the navigation states' rates.
+
+    Parameters
+    ----------
+    attitude : ndarray, shape (..., 3, 3)
+        Body-to-NED matrix.
+    angular_rate : ndarray, shape (..., 3)
+        Body rate relative to inertial space, in body axes, rad/s.
+    specific_force : ndarray, shape (..., 3)
+        In body axes, m/s^2.
+
+    Returns
+    -------
+    ndarray, shape (..., 9, 27)
+        Parameters in the order of `parameters.NAMES`, SI.
+    """
+    w, f = np.asarray(angular_rate), np.asarray(specific_force)
+    gyro = np.zeros((*w.shape[:-1], 3, parameters.COUNT))
+    accel = np.zeros_like(gyro)
+    index = parameters.INDEX
+    gyro[..., index["gyro_bias"]] = np.eye(3)
+    accel[..., index["accel_bias"]] = np.eye(3)
+    for name, column in zip(parameters.GROUPS["gyro_k"], _range("gyro_k"), strict=True):
+        gyro[..., int(name[-2]) - 1, column] = w[..., int(name[-1]) - 1]
+    for name, column in zip(parameters.GROUPS["accel_k"], _range("accel_k"), strict=True):
+        accel[..., int(name[-2]) - 1, column] = f[..., int(name[-1]) - 1]
+    centripetal = np.sum(w**2, axis=-1, keepdims=True) - w**2
+    for i in range(3):
+        accel[..., i, _range("accel_quadratic")[i]] = f[..., i] ** 2
+        accel[..., i, _range("lever_arm")[i]] = centripetal[..., i]
+    out = np.zeros((*w.shape[:-1], NAVIGATION, parameters.COUNT))
+    out[..., 0:3, :] = attitude @ gyro
+    out[..., 3:6, :] = -(attitude @ accel)
+    return out
+
+
+def _range(group: str) -> Sequence[int]:
+    return range(parameters.COUNT)[parameters.INDEX[group]]
+
+
+def build_transitions(
+    schedule: Schedule,
+    site: Site,
+    model: StateModel,
+    noise: NoiseModel,
+    *,
+    update_interval: float,
+) -> Transitions:
+    """Discrete linear model of a schedule, about true motion and error-free sensors.
+
+    The parameter columns are integrated by six-point Gauss-Legendre quadrature over every stretch
+    of steady motion, which is exact to rounding for the trigonometric polynomials that a turn of a
+    radian or less produces.
+
+    Parameters
+    ----------
+    schedule : Schedule
+    site : Site
+    model : StateModel
+    noise : NoiseModel
+    update_interval : float
+        s.
+
+    Returns
+    -------
+    Transitions
+
+    Raises
+    ------
+    ValueError
+        If the schedule is not a whole number of update intervals long, or a turn does not fit.
+    """
+    updates = update_count(schedule, update_interval)
+    a = navigation_dynamics(site)
+    distinct: list[np.ndarray] = []
+    index = np.full(updates, -1)
+    for segment in segments(schedule):
+        edges = cut(segment, update_interval)
+        update = update_of(edges, update_interval)
+        if segment.rate.any():
+            members = [[k] for k in range(len(update))]
+        else:  # all whole intervals of a dwell are alike
+            whole = np.diff(edges) > update_interval * (1 - 1e-9)
+            members = [list(np.flatnonzero(whole)), *([k] for k in np.flatnonzero(~whole))]
+        for pieces in filter(None, members):
+            start, end = edges[pieces[0]], edges[pieces[0] + 1]
+            interval_end = (update[pieces[0]] + 1) * update_interval
+            column = _integrate(segment, site, a, start, end, interval_end)[:, model.columns]
+            if len(pieces) == 1 and index[update[pieces[0]]] >= 0:
+                distinct[index[update[pieces[0]]]] += column
+            else:
+                index[update[pieces]] = len(distinct)
+                distinct.append(column)
+    return Transitions(
+        navigation=expm(a * update_interval),
+        parameter=np.array(distinct),
+        index=index,
+        noise=_noise_covariance(a, noise, update_interval),
+    )
+
+
+def _integrate(segment, site, a, start, end, interval_end) -> np.ndarray:
+    """Parameter columns of one piece, carried on to the end of its update interval."""
+    times = 0.5 * (start + end) + 0.5 * (end - start) * _NODES
+    attitude = attitude_at(segment, times)
+    to_body = np.swapaxes(attitude, -1, -2)
+    rate = segment.rate + to_body @ earth.earth_rate_ned(site.latitude)
+    force = to_body @ -earth.gravity_ned(site.latitude, site.height)
+    columns = parameter_dynamics(attitude, rate, force)
+    carry = np.array([expm(a * (interval_end - t)) for t in times])
+    return np.einsum("t,tij,tjk->ik", 0.5 * (end - start) * _WEIGHTS, carry, columns)
+
+
+def _noise_covariance(a: np.ndarray, noise: NoiseModel, interval: float) -> np.ndarray:
+    """Van Loan's integral of the sensor noise; equal on all axes, so it does not turn."""
+    n = NAVIGATION
+    density = np.zeros((n, n))
+    density[0:3, 0:3] = noise.gyro**2 * np.eye(3)
+    density[3:6, 3:6] = noise.accel**2 * np.eye(3)
+    block = expm(np.block([[-a, density], [np.zeros((n, n)), a.T]]) * interval)
+    covariance = block[n:, n:].T @ block[:n, n:]
+    return 0.5 * (covariance + covariance.T)

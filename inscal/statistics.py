@@ -1,0 +1,394 @@
+"""Statistics of estimation errors over Monte Carlo runs, on plain arrays.
+
+An error array has shape (runs, parameters), one row per run, and every function is vectorised
+over the parameters. An error statistic is in the unit of its errors, whatever that is; shares,
+NEES and NIS are pure numbers. A function of errors raises `ValueError` where `checked_errors`
+does, a function of a confidence where `central_tails` does; further errors are listed with it.
+
+Paired comparison of two campaigns is in `inscal.comparison_statistics`, the labelled layer in
+`inscal.summary`. Sources, by name below:
+
+- Morris, White & Crowther (2019), Statistics in Medicine 38:2074-2102, Table 6: statistics with
+  their Monte Carlo standard error ("MCSE"), by which they would scatter between campaigns.
+- Bar-Shalom, Li & Kirubarajan (2001), Estimation with Applications to Tracking and Navigation,
+  sec. 5.4: consistency of a filter.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+
+class Estimate(NamedTuple):
+    """A statistic and its Monte Carlo standard error, both of shape (parameters,)."""
+
+    value: np.ndarray
+    mcse: np.ndarray
+
+
+class Bounded(NamedTuple):
+    """A statistic and its confidence interval, all three of one shape."""
+
+    value: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+def central_tails(confidence: float) -> tuple[float, float]:
+    """Cumulative probabilities at the two ends of a central interval.
+
+    Parameters
+    ----------
+    confidence : float
+        Probability inside the interval.
+
+    Returns
+    -------
+    tuple of float
+        (1 - confidence) / 2 and (1 + confidence) / 2.
+
+    Raises
+    ------
+    ValueError
+        If `confidence` is not between 0 and 1.
+    """
+    if not 0.0 < confidence < 1.0:
+        raise ValueError(f"confidence is {confidence}; it must lie between 0 and 1")
+    return (1.0 - confidence) / 2.0, (1.0 + confidence) / 2.0
+
+
+def checked_errors(error: ArrayLike) -> np.ndarray:
+    """Return errors, shape (runs, parameters), as a float array known to be fit for statistics.
+
+    Raises
+    ------
+    ValueError
+        If the array is not two-dimensional, has no run, or holds a value that is not finite: a
+        NaN would pass silently as "outside the bound".
+    """
+    values = np.asarray(error, dtype=float)
+    if values.ndim != 2 or len(values) == 0:
+        raise ValueError(f"errors have shape {values.shape}; expected (runs, parameters), runs > 0")
+    if not np.isfinite(values).all():
+        raise ValueError("errors hold values that are not finite")
+    return values
+
+
+def bias(error: ArrayLike) -> Estimate:
+    """Mean error (Morris et al., "Bias").
+
+    Parameters
+    ----------
+    error : array_like, shape (runs, parameters)
+
+    Returns
+    -------
+    Estimate
+        In the unit of the errors; the standard error is NaN for a single run.
+    """
+    values = checked_errors(error)
+    return Estimate(values.mean(axis=0), _spread(values) / np.sqrt(len(values)))
+
+
+def standard_deviation(error: ArrayLike) -> Estimate:
+    """Scatter of the error about its mean, with n - 1 in the denominator (Morris et al., "EmpSE").
+
+    Parameters
+    ----------
+    error : array_like, shape (runs, parameters)
+
+    Returns
+    -------
+    Estimate
+        In the unit of the errors; NaN for a single run. The standard error assumes normal errors.
+    """
+    values = checked_errors(error)
+    spread = _spread(values)
+    return Estimate(spread, spread / np.sqrt(2 * (len(values) - 1)))
+
+
+def rmse(error: ArrayLike, confidence: float = 0.95) -> Bounded:
+    """Root mean square error and its confidence interval.
+
+    Parameters
+    ----------
+    error : array_like, shape (runs, parameters)
+        Not all zero in any parameter.
+    confidence : float
+
+    Returns
+    -------
+    Bounded
+        In the unit of the errors, shape (parameters,); the interval is NaN for a single run.
+
+    Notes
+    -----
+    The standard error of the mean square is estimated from the fourth moment (Morris et al.,
+    "MSE"), so the errors need be neither normal nor unbiased. The delta method takes it to log
+    RMSE, where the interval is symmetric: it cannot reach below zero.
+    """
+    values = checked_errors(error)
+    value = np.sqrt(np.square(values).mean(axis=0))
+    factor = np.exp(_log_rmse_half_width(values, confidence))
+    return Bounded(value, value / factor, value * factor)
+
+
+def rmse_half_width_relative(error: ArrayLike, confidence: float = 0.95) -> np.ndarray:
+    """Half the width of the interval of `rmse`, as a fraction of the RMSE.
+
+    The precision of a campaign: for normal zero-mean errors close to 1.386 / sqrt(runs) at 95 %.
+
+    Parameters
+    ----------
+    error : array_like, shape (runs, parameters)
+        Not all zero in any parameter.
+    confidence : float
+
+    Returns
+    -------
+    ndarray, shape (parameters,)
+        NaN for a single run, so that no ``precision < target`` rule stops there.
+    """
+    return np.sinh(_log_rmse_half_width(checked_errors(error), confidence))
+
+
+def abs_error_quantile(error: ArrayLike, level: float) -> np.ndarray:
+    """Quantile of the absolute error.
+
+    Parameters
+    ----------
+    error : array_like, shape (runs, parameters)
+    level : float
+        Probability, such as 0.95 or 0.997; `ValueError` if it is none.
+
+    Returns
+    -------
+    ndarray, shape (parameters,)
+        In the unit of the errors. The largest |error| if the runs are too few for the level
+        (0.997 takes 222 runs).
+
+    Notes
+    -----
+    The approximately median-unbiased estimate, type 8 of Hyndman & Fan (1996), The American
+    Statistician 50:361-365: the usual linear one reads low in the tail.
+    """
+    return np.quantile(np.abs(checked_errors(error)), level, axis=0, method="median_unbiased")
+
+
+def model_error_percent(error: ArrayLike, predicted_std: ArrayLike) -> Estimate:
+    """Relative error of the predicted standard deviation, 100 (predicted / actual - 1).
+
+    Parameters
+    ----------
+    error : array_like, shape (runs, parameters)
+        Not constant in any parameter.
+    predicted_std : array_like, shape (parameters,)
+        Standard deviation the filter claims, the same in every run, in the unit of the errors.
+
+    Returns
+    -------
+    Estimate
+        In percent; NaN for a single run.
+
+    Notes
+    -----
+    Morris et al., "Relative % error in ModSE". Their average model standard error is
+    `predicted_std` itself: it does not vary between runs, so its own standard error is zero.
+    """
+    spread, spread_mcse = standard_deviation(error)
+    percent = 100.0 * np.asarray(predicted_std, dtype=float) / spread
+    return Estimate(percent - 100.0, percent * spread_mcse / spread)
+
+
+def bias_eliminated_coverage(error: ArrayLike, half_width: ArrayLike) -> Estimate:
+    """Share of runs with the error within `half_width` of the mean error (Morris et al.).
+
+    Next to `share_within` it tells a biased estimate from a wrong predicted spread.
+
+    Parameters
+    ----------
+    error : array_like, shape (runs, parameters)
+    half_width : array_like, shape (parameters,)
+        In the unit of the errors: k times the predicted standard deviation.
+
+    Returns
+    -------
+    Estimate
+        Share between 0 and 1.
+    """
+    values = checked_errors(error)
+    share = (np.abs(values - values.mean(axis=0)) <= np.asarray(half_width)).mean(axis=0)
+    return Estimate(share, np.sqrt(share * (1.0 - share) / len(values)))
+
+
+def wilson_interval(successes: ArrayLike, trials: ArrayLike, confidence: float = 0.95) -> Bounded:
+    """Share of successes and its Wilson score interval.
+
+    Parameters
+    ----------
+    successes, trials : array_like
+        Counts of any shapes that broadcast.
+    confidence : float
+
+    Returns
+    -------
+    Bounded
+        successes / trials and the interval, of the broadcast shape.
+
+    Raises
+    ------
+    ValueError
+        Unless 0 <= successes <= trials and trials > 0.
+
+    Notes
+    -----
+    Wilson (1927), Journal of the American Statistical Association 22:209-212, without continuity
+    correction; `scipy.stats.binomtest` has it for one count at a time.
+    """
+    hits, n = np.asarray(successes, dtype=float), np.asarray(trials, dtype=float)
+    if not ((n > 0) & (hits >= 0) & (hits <= n)).all():
+        raise ValueError("successes must lie between 0 and trials, and trials be positive")
+    z = stats.norm.ppf(central_tails(confidence)[1])
+    share = hits / n
+    centre = (hits + z**2 / 2) / (n + z**2)
+    half = z / (n + z**2) * np.sqrt(n * share * (1.0 - share) + z**2 / 4)
+    # Rounding may leave the ends just outside the shares there are.
+    return Bounded(share, np.maximum(centre - half, 0.0), np.minimum(centre + half, 1.0))
+
+
+def share_within(error: ArrayLike, half_width: ArrayLike, confidence: float = 0.95) -> Bounded:
+    """Share of runs with |error| <= `half_width`, per parameter, with its Wilson interval.
+
+    With an accuracy bound it is the share of runs that meet the bound; with k times the predicted
+    standard deviation it is the coverage of k sigma, to be held against `nominal_coverage`.
+
+    Parameters
+    ----------
+    error : array_like, shape (runs, parameters)
+    half_width : array_like, shape (parameters,)
+        In the unit of the errors.
+    confidence : float
+
+    Returns
+    -------
+    Bounded
+        Shares between 0 and 1, shape (parameters,).
+    """
+    inside = np.abs(checked_errors(error)) <= np.asarray(half_width)
+    return wilson_interval(inside.sum(axis=0), len(inside), confidence)
+
+
+def nominal_coverage(sigmas: float) -> float:
+    """Coverage of k sigma by normal errors: 0.6827, 0.9545 and 0.9973 for 1, 2 and 3 sigma."""
+    return float(1.0 - 2.0 * stats.norm.sf(sigmas))
+
+
+def nees(error: ArrayLike, covariance: ArrayLike) -> np.ndarray:
+    """Normalised estimation error squared (NEES), e^T P^-1 e, of each run (Bar-Shalom et al.).
+
+    Of innovations and their covariances it is the normalised innovation squared (NIS).
+
+    Parameters
+    ----------
+    error : array_like, shape (runs, n)
+        Errors by run, or innovations by update.
+    covariance : array_like, shape (n, n) or (runs, n, n)
+        Covariance the filter claims, of every row or of each, in the units of the errors.
+
+    Returns
+    -------
+    ndarray, shape (runs,)
+        Chi-square with n degrees of freedom if the filter is consistent.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If a covariance is not positive definite.
+    """
+    factor = np.linalg.cholesky(np.asarray(covariance, dtype=float))
+    whitened = np.linalg.solve(factor, checked_errors(error)[..., None])
+    return np.square(whitened).sum(axis=(1, 2))
+
+
+def nees_interval(runs: int, dof: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Interval in which the mean NEES of a consistent filter lies (Bar-Shalom et al.).
+
+    Parameters
+    ----------
+    runs : int
+        Independent values averaged: runs for NEES, updates for NIS.
+    dof : int
+        Dimension of one error or innovation.
+    confidence : float
+
+    Returns
+    -------
+    tuple of float
+        Lower and upper limit, with equal tails: runs times the mean is chi-square with runs * dof
+        degrees of freedom.
+
+    Raises
+    ------
+    ValueError
+        If `runs` or `dof` is not positive.
+    """
+    if runs < 1 or dof < 1:
+        raise ValueError(f"runs {runs} and degrees of freedom {dof} must be positive")
+    lower, upper = stats.chi2.ppf(central_tails(confidence), runs * dof) / runs
+    return float(lower), float(upper)
+
+
+def autocorrelation(innovation: ArrayLike, lags: Sequence[int]) -> np.ndarray:
+    """Time-average autocorrelation of an innovation sequence by component (Bar-Shalom et al.).
+
+    Parameters
+    ----------
+    innovation : array_like, shape (updates, m)
+        Not all zero in any component. The mean is not taken out: innovations should have none.
+    lags : sequence of int
+        Each from 1 to updates - 1.
+
+    Returns
+    -------
+    ndarray, shape (lags, m)
+        Between -1 and 1; within `white_band` for 95 of 100 lags if the innovations are white.
+
+    Raises
+    ------
+    ValueError
+        If a lag is out of range.
+    """
+    values = checked_errors(innovation)
+    out = np.empty((len(lags), values.shape[1]))
+    for row, lag in enumerate(lags):
+        if not 1 <= lag < len(values):
+            raise ValueError(f"lag {lag} does not lie between 1 and {len(values) - 1}")
+        early, late = values[:-lag], values[lag:]
+        power = np.square(early).sum(axis=0) * np.square(late).sum(axis=0)
+        out[row] = (early * late).sum(axis=0) / np.sqrt(power)
+    return out
+
+
+def white_band(updates: int, confidence: float = 0.95) -> float:
+    """Half-width of the band of a white sequence's autocorrelation (Bar-Shalom et al.).
+
+    By normal approximation 1.96 / sqrt(updates) at 95 %, for lags far below `updates`.
+    """
+    return float(stats.norm.ppf(central_tails(confidence)[1]) / np.sqrt(updates))
+
+
+def _spread(values: np.ndarray) -> np.ndarray:
+    # One run has no spread: NaN, said here rather than by a numpy warning.
+    if len(values) == 1:
+        return np.full(values.shape[1:], np.nan)
+    return values.std(axis=0, ddof=1)
+
+
+def _log_rmse_half_width(values: np.ndarray, confidence: float) -> np.ndarray:
+    square = np.square(values)
+    mse_mcse = _spread(square) / np.sqrt(len(square))
+    z = stats.norm.ppf(central_tails(confidence)[1])
+    return z * mse_mcse / (2.0 * square.mean(axis=0))

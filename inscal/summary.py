@@ -1,0 +1,291 @@
+"""Statistics of Monte Carlo campaigns, on labelled arrays.
+
+A campaign is an `xarray.Dataset`, all in paper units, with
+
+- data variables truth, estimate and error (run, parameter), predicted_std (parameter),
+  nees (run; of the error vector over the parameters) and status (run; 0 not run, 1 done,
+  2 failed);
+- coordinates run (int), parameter (str) and unit (parameter; str).
+
+What comes back is a dataset too: variables on parameter alone, and scalars, each with a
+`long_name` and its `units`. Formulas and sources are in `inscal.statistics` and
+`inscal.comparison_statistics`.
+"""
+
+import numpy as np
+import xarray as xr
+
+from inscal import comparison_statistics, statistics
+from inscal.statistics import Bounded, Estimate
+
+DONE = 1
+"""Status of a run that has results."""
+
+FAILED = 2
+"""Status of a run that ended without results."""
+
+CONFIDENCE = 0.95
+"""Confidence of every interval of `summarize`."""
+
+_PARAMETER_UNIT = "see coordinate unit"
+
+_TRUTH_TOLERANCE = 1e-9
+# Relative. Truths that agree by construction may differ by a conversion of units.
+
+
+def summarize(campaign: xr.Dataset, bound: xr.DataArray) -> xr.Dataset:
+    """Error statistics of the runs done, per parameter and of the whole campaign.
+
+    Parameters
+    ----------
+    campaign : xarray.Dataset
+        See the module's description.
+    bound : xarray.DataArray
+        Accuracy bound on dimension parameter, in paper units; matched by its coordinate, if it
+        has one, otherwise in the order of the campaign.
+
+    Returns
+    -------
+    xarray.Dataset
+        On parameter, names ending in _lower and _upper being 95 % intervals and _mcse Monte Carlo
+        standard errors:
+
+        - bias, bias_mcse, std, std_mcse, rmse (_lower, _upper), abs_error_p95, abs_error_p997;
+        - predicted_std, rmse_over_predicted, model_error_percent, model_error_percent_mcse;
+        - coverage_1_sigma, coverage_2_sigma, coverage_3_sigma (_lower, _upper), with the share
+          expected of normal errors as attribute `nominal`; bias_eliminated_coverage of 2 sigma,
+          bias_eliminated_coverage_mcse;
+        - bound, share_within_bound (_lower, _upper).
+
+        Scalars: runs_done, runs_failed; joint_share (_lower, _upper) of runs with every parameter
+        within its bound; nees_mean, and nees_lower and nees_upper between which it lies if the
+        filter is consistent; precision, the worst relative half-width of the RMSE intervals.
+
+        With one run done whatever needs a scatter is NaN.
+
+    Raises
+    ------
+    ValueError
+        If no run is done, a run marked done holds a value that is not finite, a predicted
+        standard deviation is not positive, or a parameter has no bound.
+    """
+    done = _done(campaign)
+    if done.sizes["run"] == 0:
+        raise ValueError("no run of the campaign is done")
+    error = done["error"].to_numpy()
+    predicted = _predicted_std(done)
+    limit = _bound_in_order(bound, done)
+
+    columns = _error_columns(error)
+    columns |= _prediction_columns(error, predicted)
+    columns |= _bound_columns(error, limit)
+    columns |= _nees_scalars(done["nees"].to_numpy(), done.sizes["parameter"])
+    failed = int((campaign["status"] == FAILED).sum())
+    columns["runs_done"] = _variable(len(error), "runs done", "1")
+    columns["runs_failed"] = _variable(failed, "runs failed", "1")
+    return xr.Dataset(columns, coords=_labels(done), attrs={"confidence": CONFIDENCE})
+
+
+def compare(
+    a: xr.Dataset, b: xr.Dataset, *, resamples: int, seed: int, confidence: float = 0.95
+) -> xr.Dataset:
+    """RMSE of campaign `a` over that of campaign `b`, over the runs done in both.
+
+    Parameters
+    ----------
+    a, b : xarray.Dataset
+        Campaigns of the same simulated truths; see the module's description.
+    resamples : int
+        Bootstrap resamples.
+    seed : int
+        Of the resampling.
+    confidence : float
+
+    Returns
+    -------
+    xarray.Dataset
+        On parameter: ratio; lower and upper, its pointwise interval; simultaneous_lower and
+        simultaneous_upper, which hold for all parameters at once; p_ratio_above_one, Holm-adjusted
+        over the parameters, small where `a` is worse; predicted_ratio; rmse_a and rmse_b. Scalar:
+        runs_paired.
+
+    Raises
+    ------
+    ValueError
+        If the parameters or the truths of the paired runs differ, fewer than two runs are done in
+        both, a run marked done holds a value that is not finite, or a predicted standard
+        deviation is not positive.
+    """
+    if list(a["parameter"].values) != list(b["parameter"].values):
+        raise ValueError("the campaigns have different parameters")
+    done_a, done_b = _done(a), _done(b)
+    runs = np.intersect1d(done_a["run"], done_b["run"])
+    if len(runs) < 2:
+        raise ValueError(f"{len(runs)} runs are done in both campaigns; a comparison needs two")
+    done_a, done_b = done_a.sel(run=runs), done_b.sel(run=runs)
+    _check_same_truth(done_a, done_b)
+
+    error_a, error_b = done_a["error"].to_numpy(), done_b["error"].to_numpy()
+    result = comparison_statistics.rmse_ratio(
+        error_a,
+        error_b,
+        resamples=resamples,
+        rng=np.random.default_rng(seed),
+        confidence=confidence,
+    )
+    p = comparison_statistics.holm(comparison_statistics.p_value_ratio_above_one(error_a, error_b))
+    percent = f"{100 * confidence:g} %"
+    both = f"simultaneous {percent} limit"
+    columns = {
+        "ratio": _variable(result.ratio, "RMSE of a over RMSE of b", "1"),
+        "lower": _variable(result.lower, f"lower pointwise {percent} limit", "1"),
+        "upper": _variable(result.upper, f"upper pointwise {percent} limit", "1"),
+        "simultaneous_lower": _variable(result.simultaneous_lower, f"lower {both}", "1"),
+        "simultaneous_upper": _variable(result.simultaneous_upper, f"upper {both}", "1"),
+        "p_ratio_above_one": _variable(p, "Holm-adjusted p-value against ratio <= 1", "1"),
+        "predicted_ratio": _variable(
+            _predicted_std(done_a) / _predicted_std(done_b), "predicted std of a over b", "1"
+        ),
+        "rmse_a": _variable(statistics.rmse(error_a).value, "RMSE of a", _PARAMETER_UNIT),
+        "rmse_b": _variable(statistics.rmse(error_b).value, "RMSE of b", _PARAMETER_UNIT),
+        "runs_paired": _variable(len(runs), "runs done in both campaigns", "1"),
+    }
+    attrs = {"confidence": confidence, "resamples": resamples, "seed": seed}
+    return xr.Dataset(columns, coords=_labels(done_a), attrs=attrs)
+
+
+def _done(campaign: xr.Dataset) -> xr.Dataset:
+    """Keep the runs of status done, in memory and known to be finite."""
+    per_run = ["truth", "estimate", "error", "nees"]
+    is_done = (campaign["status"] == DONE).to_numpy()
+    done = campaign[[*per_run, "predicted_std"]].isel(run=is_done).transpose("run", "parameter")
+    done = done.load()
+    for name in per_run:
+        finite = np.isfinite(done[name].to_numpy())
+        bad = ~finite.all(axis=tuple(range(1, finite.ndim)))
+        if bad.any():
+            run = int(done["run"].to_numpy()[bad][0])
+            raise ValueError(f"run {run} is marked done but its {name} is not finite")
+    return done
+
+
+def _predicted_std(campaign: xr.Dataset) -> np.ndarray:
+    predicted = campaign["predicted_std"].to_numpy()
+    bad = ~(np.isfinite(predicted) & (predicted > 0.0))
+    if bad.any():
+        name = str(campaign["parameter"].to_numpy()[bad][0])
+        raise ValueError(f"the predicted standard deviation of {name} is not positive")
+    return predicted
+
+
+def _bound_in_order(bound: xr.DataArray, campaign: xr.Dataset) -> np.ndarray:
+    # By label: arithmetic on datasets would silently drop a parameter that has no bound.
+    limit = bound.reindex(parameter=campaign["parameter"]).to_numpy()
+    if np.isnan(limit).any():
+        name = str(campaign["parameter"].to_numpy()[np.isnan(limit)][0])
+        raise ValueError(f"parameter {name} has no accuracy bound")
+    return limit
+
+
+def _check_same_truth(a: xr.Dataset, b: xr.Dataset) -> None:
+    truth_a, truth_b = a["truth"].to_numpy(), b["truth"].to_numpy()
+    same = np.isclose(truth_a, truth_b, rtol=_TRUTH_TOLERANCE, atol=0.0).all(axis=1)
+    if not same.all():
+        run = int(a["run"].to_numpy()[~same][0])
+        raise ValueError(f"run {run} has another truth in each campaign; they cannot be paired")
+
+
+def _error_columns(error: np.ndarray) -> dict[str, xr.Variable]:
+    p95, p997 = (statistics.abs_error_quantile(error, level) for level in (0.95, 0.997))
+    precision = statistics.rmse_half_width_relative(error, CONFIDENCE).max()
+    return {
+        **_with_mcse("bias", statistics.bias(error), "mean error", _PARAMETER_UNIT),
+        **_with_mcse(
+            "std",
+            statistics.standard_deviation(error),
+            "standard deviation of error",
+            _PARAMETER_UNIT,
+        ),
+        **_with_interval(
+            "rmse", statistics.rmse(error, CONFIDENCE), "root mean square error", _PARAMETER_UNIT
+        ),
+        "abs_error_p95": _variable(p95, "95 % quantile of |error|", _PARAMETER_UNIT),
+        "abs_error_p997": _variable(p997, "99.7 % quantile of |error|", _PARAMETER_UNIT),
+        "precision": _variable(precision, "worst relative half-width of RMSE", "1"),
+    }
+
+
+def _prediction_columns(error: np.ndarray, predicted: np.ndarray) -> dict[str, xr.Variable]:
+    columns = {
+        "predicted_std": _variable(predicted, "predicted standard deviation", _PARAMETER_UNIT),
+        "rmse_over_predicted": _variable(
+            statistics.rmse(error).value / predicted, "RMSE over predicted std", "1"
+        ),
+        **_with_mcse(
+            "model_error_percent",
+            statistics.model_error_percent(error, predicted),
+            "relative error of predicted std",
+            "%",
+        ),
+        **_with_mcse(
+            "bias_eliminated_coverage",
+            statistics.bias_eliminated_coverage(error, 2 * predicted),
+            "share of runs within 2 predicted sigma of the mean error",
+            "1",
+        ),
+    }
+    for sigmas in (1, 2, 3):
+        name = f"coverage_{sigmas}_sigma"
+        share = statistics.share_within(error, sigmas * predicted, CONFIDENCE)
+        columns |= _with_interval(name, share, f"share within {sigmas} predicted sigma", "1")
+        columns[name].attrs["nominal"] = statistics.nominal_coverage(sigmas)
+    columns["bias_eliminated_coverage"].attrs["nominal"] = statistics.nominal_coverage(2)
+    return columns
+
+
+def _bound_columns(error: np.ndarray, limit: np.ndarray) -> dict[str, xr.Variable]:
+    share = statistics.share_within(error, limit, CONFIDENCE)
+    all_within = (np.abs(error) <= limit).all(axis=1)
+    joint = statistics.wilson_interval(all_within.sum(), len(error), CONFIDENCE)
+    return {
+        "bound": _variable(limit, "accuracy bound", _PARAMETER_UNIT),
+        **_with_interval("share_within_bound", share, "share of runs within bound", "1"),
+        **_with_interval("joint_share", joint, "share of runs with all within bound", "1"),
+    }
+
+
+def _nees_scalars(nees: np.ndarray, dof: int) -> dict[str, xr.Variable]:
+    lower, upper = statistics.nees_interval(len(nees), dof, CONFIDENCE)
+    expected = f"95 % limit of the mean NEES of a consistent filter, {dof} degrees of freedom"
+    return {
+        "nees_mean": _variable(nees.mean(), "mean NEES", "1"),
+        "nees_lower": _variable(lower, f"lower {expected}", "1"),
+        "nees_upper": _variable(upper, f"upper {expected}", "1"),
+    }
+
+
+def _with_interval(
+    name: str, bounded: Bounded, long_name: str, units: str
+) -> dict[str, xr.Variable]:
+    return {
+        name: _variable(bounded.value, long_name, units),
+        f"{name}_lower": _variable(bounded.lower, f"{long_name}, lower 95 % limit", units),
+        f"{name}_upper": _variable(bounded.upper, f"{long_name}, upper 95 % limit", units),
+    }
+
+
+def _with_mcse(name: str, estimate: Estimate, long_name: str, units: str) -> dict[str, xr.Variable]:
+    return {
+        name: _variable(estimate.value, long_name, units),
+        f"{name}_mcse": _variable(estimate.mcse, f"{long_name}, Monte Carlo standard error", units),
+    }
+
+
+def _variable(values: np.ndarray | float, long_name: str, units: str) -> xr.Variable:
+    array = np.asarray(values)
+    attrs = {"long_name": long_name, "units": units}
+    return xr.Variable(("parameter",) if array.ndim else (), array, attrs)
+
+
+def _labels(campaign: xr.Dataset) -> dict[str, xr.DataArray]:
+    return {name: campaign[name] for name in ("parameter", "unit")}
