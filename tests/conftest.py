@@ -1,0 +1,23 @@
+"""Shared fixtures: the reference case, read from the configuration like any campaign's."""
+
+import dataclasses
+
+import pytest
+
+from inscal.schedule import Schedule
+from pipeline.build import build_schedule
+from pipeline.config import load
+
+
+def paper_schedule(positions: int = 25, position_duration: float = 500.0) -> Schedule:
+    """The paper's path, or its head, at a chosen pace."""
+    schedule = build_schedule(load([]))
+    return dataclasses.replace(
+        schedule, turns=schedule.turns[: positions - 1], position_duration=position_duration
+    )
+
+
+@pytest.fixture(scope="session")
+def reference():
+    """Configuration of the reference case."""
+    return load([])

@@ -1,0 +1,57 @@
+import numpy as np
+import pytest
+from conftest import paper_schedule
+
+from inscal.schedule import Schedule, Turn, initial_attitude, postures, segments, weak_pairs
+
+# the postures of the paper's Table 1, first letters of X, Y, Z
+TABLE_1 = """
+NED UEN DES UEN EDN WUN EDN ENU ESD ENU EUS ESD EDN DWN WUN UEN SEU DES NED
+SWD SEU NED SEU SWD NED
+""".split()
+
+
+def test_postures_are_the_papers_table_1():
+    assert ["".join(name[0] for name in row) for row in postures(paper_schedule())] == TABLE_1
+
+
+def test_19_positions_are_the_head_of_25():
+    assert postures(paper_schedule(19)) == postures(paper_schedule())[:19]
+
+
+def test_full_path_has_no_weak_pair():
+    assert weak_pairs(paper_schedule()) == []
+    assert weak_pairs(paper_schedule(19)) == []
+
+
+def test_path_that_never_shows_y_up_names_the_pair():
+    yaw_and_pitch = tuple(Turn(np.pi / 2, axis) for axis in (1, 1, 1, 1, 2, 2, 2, 2))
+    roll_down = (Turn(np.pi / 2, 0), Turn(-np.pi / 2, 0))
+    schedule = Schedule(("North", "East", "Down"), (*yaw_and_pitch, *roll_down), 100.0, 0.2)
+    assert ("accel_k22", "accel_quadratic_y", "+y up") in weak_pairs(schedule) or (
+        "accel_k22",
+        "accel_quadratic_y",
+        "+y down",
+    ) in weak_pairs(schedule)
+    assert all(pair[0] == "accel_k22" for pair in weak_pairs(schedule))
+
+
+def test_axis_never_level_merges_bias_and_quadratic():
+    schedule = Schedule(("North", "East", "Down"), (Turn(np.pi, 0),), 100.0, 0.2)
+    assert ("accel_bias_z", "accel_quadratic_z", "z level") in weak_pairs(schedule)
+
+
+def test_segments_follow_each_other_without_gaps():
+    parts = segments(paper_schedule())
+    assert parts[0].start == 0.0
+    assert parts[-1].end == 12_500.0
+    assert [p.end for p in parts[:-1]] == [p.start for p in parts[1:]]
+    turning = sum(p.end - p.start for p in parts if p.rate.any())
+    assert turning == pytest.approx((12 * 90 + 12 * 180) / 10.0)
+
+
+def test_left_handed_posture_and_long_turn_are_refused():
+    with pytest.raises(ValueError, match="right-handed"):
+        initial_attitude(("North", "East", "Up"))
+    with pytest.raises(ValueError, match="longer than a position"):
+        segments(paper_schedule(2, position_duration=5.0))

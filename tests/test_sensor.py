@@ -1,0 +1,77 @@
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from inscal import parameters
+from inscal.sensor import compensate, inverse_matrices, sense
+
+NOTHING = (0.0, 0.0, 0.0)
+unit = arrays(float, 27, elements=st.floats(-1, 1))
+rates = arrays(float, 3, elements=st.floats(-1, 1))
+
+
+def scaled(values):
+    """Parameters of ten times the paper's size: 5000 ppm, 0.5 deg/h, 2 mg, 0.3 m."""
+    index, size = parameters.INDEX, np.full(27, 5e-3)
+    size[index["gyro_bias"]], size[index["accel_bias"]] = 2.4e-6, 0.02
+    size[index["accel_quadratic"]], size[index["lever_arm"]] = 5e-4, 0.3
+    return (values * size)[:, None]
+
+
+@given(unit, rates, rates, st.sampled_from([0.01, 0.1, 1.0]))
+def test_compensation_inverts_the_sensor(values, rate, force, dt):
+    p = scaled(values)
+    angle, velocity = tuple(rate * dt), tuple(20.0 * force * dt)
+    reported = sense(p, inverse_matrices(p), 0, angle, velocity, NOTHING, NOTHING, dt)
+    back = compensate(p, 0, *reported, dt)
+    np.testing.assert_allclose(back[0], angle, atol=1e-15)
+    np.testing.assert_allclose(back[1], velocity, atol=2e-14)
+
+
+def test_compensation_against_the_papers_equations():
+    rng = np.random.default_rng(5)
+    p = scaled(rng.uniform(-1, 1, 27))
+    w, f, dt = rng.uniform(-1, 1, 3), rng.uniform(-10, 10, 3), 0.1
+    index = parameters.INDEX
+    kg, ka = np.zeros((3, 3)), np.zeros((3, 3))
+    for name, value in zip(parameters.NAMES, p[:, 0], strict=True):
+        if name.startswith("gyro_k"):
+            kg[int(name[-2]) - 1, int(name[-1]) - 1] = value
+        if name.startswith("accel_k"):
+            ka[int(name[-2]) - 1, int(name[-1]) - 1] = value
+    rate = (np.eye(3) + kg) @ w + p[index["gyro_bias"], 0]
+    quadratic = f + p[index["accel_quadratic"], 0] * f**2
+    lever = (rate @ rate - rate**2) * p[index["lever_arm"], 0]
+    force = (np.eye(3) + ka) @ quadratic + p[index["accel_bias"], 0] + lever
+    angle, velocity = compensate(p, 0, tuple(w * dt), tuple(f * dt), dt)
+    np.testing.assert_allclose(angle, rate * dt, rtol=1e-14)
+    np.testing.assert_allclose(velocity, force * dt, rtol=1e-13)
+
+
+def test_noise_enters_on_the_right_hand_side():
+    p = scaled(np.linspace(-1, 1, 27))
+    angle, velocity = (0.01, -0.02, 0.005), (0.3, -0.2, 0.98)
+    na, nv = (1e-6, 2e-6, -3e-6), (1e-4, -2e-4, 3e-4)
+    reported = sense(p, inverse_matrices(p), 0, angle, velocity, na, nv, 0.1)
+    back = compensate(p, 0, *reported, 0.1)
+    np.testing.assert_allclose(np.subtract(angle, back[0]), na, rtol=1e-9)
+    # the lever arm sees the noisy rate when compensated: w dw r, far below the noise
+    np.testing.assert_allclose(np.subtract(velocity, back[1]), nv, atol=2e-6)
+
+
+def test_lever_arm_takes_away_centripetal_force():
+    p = np.zeros((27, 1))
+    p[parameters.INDEX["lever_arm"], 0] = [0.1, 0.2, 0.3]
+    still = sense(p, inverse_matrices(p), 0, NOTHING, NOTHING, NOTHING, NOTHING, 1.0)
+    turning = sense(p, inverse_matrices(p), 0, (0.0, 0.0, 0.5), NOTHING, NOTHING, NOTHING, 1.0)
+    assert still[1] == (0.0, 0.0, 0.0)
+    # about z the arms on x and y move on circles; their accelerometers feel -w^2 r outwards
+    np.testing.assert_allclose(turning[1], [-0.25 * 0.1, -0.25 * 0.2, 0.0], rtol=1e-14)
+
+
+def test_quadratic_term_without_a_solution_is_nan():
+    p = np.zeros((27, 1))
+    p[parameters.INDEX["accel_quadratic"], 0] = -0.1
+    _, velocity = sense(p, inverse_matrices(p), 0, NOTHING, (9.8,) * 3, NOTHING, NOTHING, 1.0)
+    assert np.isnan(velocity).all()

@@ -1,0 +1,375 @@
+"""Every statistic against something independent of it.
+
+Where a stated confidence is checked by repeated simulation, the tolerance is four standard errors
+of the simulated share: a right statistic passes 15999 times out of 16000, whatever the seed.
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy import stats
+from scipy.stats import binomtest
+
+from inscal import comparison_statistics as comparison
+from inscal import statistics
+
+ERRORS = arrays(
+    float,
+    st.tuples(st.integers(2, 12), st.integers(1, 4)),
+    elements=st.floats(0.01, 100.0).map(lambda x: x if x < 50.0 else 50.0 - x - 0.01),
+)
+
+
+def tolerance(share, trials):
+    return 4.0 * np.sqrt(share * (1.0 - share) / trials)
+
+
+def held(lower, truth, upper):
+    return ((lower <= truth) & (truth <= upper)).mean()
+
+
+# Error statistics
+
+
+def test_exact_values_of_a_small_sample():
+    error = np.array([[1.0, 10.0], [3.0, -10.0], [5.0, 30.0]])
+    assert statistics.bias(error).value == pytest.approx([3.0, 10.0])
+    assert statistics.standard_deviation(error).value == pytest.approx([2.0, 20.0])
+    assert statistics.rmse(error).value == pytest.approx(np.sqrt([35 / 3, 1100 / 3]))
+    percent = statistics.model_error_percent(error, [2.2, 10.0])
+    assert percent.value == pytest.approx([10.0, -50.0])
+    # Two of {-2, 0, 2} and one of {0, -20, 20} are within the half-widths of the mean.
+    coverage = statistics.bias_eliminated_coverage(error, [2.0, 19.0])
+    assert coverage.value == pytest.approx([1.0, 1 / 3])
+    assert coverage.mcse == pytest.approx([0.0, np.sqrt(2 / 27)])
+
+
+@pytest.mark.parametrize(
+    "statistic",
+    [
+        statistics.bias,
+        statistics.standard_deviation,
+        lambda error: statistics.model_error_percent(error, np.full(error.shape[1], 1.5)),
+        lambda error: statistics.bias_eliminated_coverage(error, np.full(error.shape[1], 1.5)),
+    ],
+)
+def test_monte_carlo_standard_error_is_the_scatter_between_campaigns(statistic):
+    campaigns, runs = 20000, 60
+    # Columns are as good as campaigns: the statistics are vectorised over them.
+    error = np.random.default_rng(1).normal(0.5, 1.5, (runs, campaigns))
+    value, mcse = statistic(error)
+    # 4/sqrt(2 campaigns) for the scatter, a like share for the mean, and 1/runs for its bias.
+    assert np.sqrt(np.mean(mcse**2)) == pytest.approx(value.std(), rel=0.04 + 1 / runs)
+
+
+@pytest.mark.parametrize(
+    ("draw", "truth"),
+    [
+        (lambda rng, size: rng.normal(0.0, 2.0, size), 2.0),
+        (lambda rng, size: rng.normal(3.0, 1.0, size), np.sqrt(10.0)),
+        (lambda rng, size: rng.uniform(-3.0, 3.0, size), np.sqrt(3.0)),
+    ],
+)
+def test_rmse_interval_holds_for_normal_biased_and_uniform_errors(draw, truth):
+    trials = 4000
+    error = draw(np.random.default_rng(2), (500, trials))
+    _, lower, upper = statistics.rmse(error)
+    # The delta method is good to about 0.5 % of coverage at 500 runs.
+    assert held(lower, truth, upper) == pytest.approx(0.95, abs=tolerance(0.95, trials) + 0.005)
+
+
+def test_rmse_interval_of_normal_errors_is_near_the_exact_chi_square_one():
+    error = np.random.default_rng(3).standard_normal((2000, 50))
+    value, lower, upper = statistics.rmse(error, 0.9)
+    exact = value[:, None] * np.sqrt(2000 / stats.chi2.ppf([0.95, 0.05], 2000))
+    np.testing.assert_allclose(np.column_stack([lower, upper]), exact, rtol=0.01)
+    width = statistics.rmse_half_width_relative(error, 0.9)
+    assert width == pytest.approx((upper - lower) / (2 * value))
+    assert width.mean() == pytest.approx(1.645 / np.sqrt(2 * 2000), rel=0.03)
+
+
+def test_abs_error_quantile_is_median_unbiased_in_the_tail():
+    trials = 20000
+    error = np.random.default_rng(4).standard_normal((200, trials))
+    truth = stats.norm.ppf(0.975)
+    low = (statistics.abs_error_quantile(error, 0.95) < truth).mean()
+    # The usual linear quantile is low in 57 % of the trials.
+    assert low == pytest.approx(0.5, abs=tolerance(0.5, trials) + 0.005)
+
+
+def test_quantile_beyond_the_sample_is_its_largest_error():
+    error = np.array([[1.0], [-7.0], [2.0]])
+    assert statistics.abs_error_quantile(error, 0.997) == pytest.approx([7.0])
+
+
+def test_one_run_has_a_bias_but_no_scatter():
+    error = np.array([[2.0, -3.0]])
+    assert statistics.bias(error).value == pytest.approx([2.0, -3.0])
+    assert statistics.rmse(error).value == pytest.approx([2.0, 3.0])
+    assert np.isnan(statistics.standard_deviation(error)).all()
+    assert np.isnan(statistics.rmse_half_width_relative(error)).all()
+
+
+@given(ERRORS, st.floats(0.001, 1000.0), st.randoms(use_true_random=False))
+def test_statistics_scale_with_the_unit_and_ignore_the_order_of_runs(error, unit, random):
+    order = random.sample(range(len(error)), len(error))
+    other = unit * error[order]
+    for statistic in (statistics.bias, statistics.standard_deviation, statistics.rmse):
+        for before, after in zip(statistic(error), statistic(other), strict=True):
+            np.testing.assert_allclose(after, unit * before, rtol=1e-9, atol=1e-9 * unit)
+    width = statistics.rmse_half_width_relative(error)
+    np.testing.assert_allclose(
+        statistics.rmse_half_width_relative(other), width, rtol=1e-9, atol=1e-12
+    )
+
+
+@given(ERRORS)
+def test_mean_square_is_bias_and_variance(error):
+    runs = len(error)
+    spread, offset = statistics.standard_deviation(error).value, statistics.bias(error).value
+    square = offset**2 + spread**2 * (runs - 1) / runs
+    np.testing.assert_allclose(statistics.rmse(error).value ** 2, square, rtol=1e-9)
+
+
+@pytest.mark.parametrize("error", [np.ones(3), np.ones((0, 3)), np.array([[1.0, np.nan]])])
+def test_unfit_errors_are_refused(error):
+    with pytest.raises(ValueError, match="errors"):
+        statistics.bias(error)
+
+
+@pytest.mark.parametrize("confidence", [0.0, 1.0, 95.0])
+def test_confidence_that_is_no_probability_is_refused(confidence):
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        statistics.rmse(np.ones((3, 1)), confidence)
+
+
+# Shares
+
+
+def test_wilson_interval_has_the_published_values():
+    # Newcombe (1998), Statistics in Medicine 17:857-872, Table I, method 3.
+    share, lower, upper = statistics.wilson_interval([81, 15, 0, 1], [263, 148, 20, 29])
+    assert share == pytest.approx([81 / 263, 15 / 148, 0.0, 1 / 29])
+    assert lower == pytest.approx([0.2553, 0.0624, 0.0, 0.0061], abs=6e-5)
+    assert upper == pytest.approx([0.3662, 0.1605, 0.1611, 0.1718], abs=6e-5)
+
+
+@given(st.integers(1, 2000).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n))))
+def test_wilson_interval_is_that_of_scipy(counts):
+    expected = binomtest(*counts).proportion_ci(0.9, method="wilson")
+    _, lower, upper = statistics.wilson_interval(*counts, 0.9)
+    assert (lower, upper) == pytest.approx((expected.low, expected.high), abs=1e-12)
+
+
+@pytest.mark.parametrize(("successes", "trials"), [(-1, 3), (4, 3), (0, 0)])
+def test_impossible_counts_are_refused(successes, trials):
+    with pytest.raises(ValueError, match="successes"):
+        statistics.wilson_interval(successes, trials)
+
+
+def test_share_within_counts_the_limit_itself():
+    error = np.array([[1.0, 0.0], [-2.0, 5.0], [2.1, -5.1], [0.0, 4.0]])
+    share = statistics.share_within(error, [2.0, 5.0])
+    assert share.value == pytest.approx([0.75, 0.75])
+    expected = statistics.wilson_interval(3, 4)
+    assert share.lower == pytest.approx([expected.lower] * 2)
+
+
+def test_coverage_of_k_sigma_is_nominal_and_its_interval_holds():
+    trials = 2000
+    error = np.random.default_rng(5).normal(0.0, 3.0, (300, trials))
+    for sigmas, nominal in ((1, 0.682689), (2, 0.954500), (3, 0.997300)):
+        assert statistics.nominal_coverage(sigmas) == pytest.approx(nominal, abs=1e-6)
+        share, lower, upper = statistics.share_within(error, np.full(trials, 3.0 * sigmas))
+        assert share.mean() == pytest.approx(nominal, abs=tolerance(nominal, error.size))
+        counts = np.arange(301)
+        _, low, high = statistics.wilson_interval(counts, 300)
+        exact = stats.binom.pmf(counts, 300, nominal)[(low <= nominal) & (nominal <= high)].sum()
+        assert held(lower, nominal, upper) == pytest.approx(exact, abs=tolerance(exact, trials))
+        assert exact == pytest.approx(0.95, abs=0.02)
+
+
+def test_bias_eliminated_coverage_tells_bias_from_spread():
+    error = np.random.default_rng(6).normal([[5.0, 0.0]], [[1.0, 3.0]], (4000, 2))
+    plain = statistics.share_within(error, [2.0, 2.0]).value
+    centred = statistics.bias_eliminated_coverage(error, [2.0, 2.0]).value
+    assert plain[0] == pytest.approx(0.00135, abs=0.003)
+    assert centred == pytest.approx([0.9545, 0.4950], abs=tolerance(0.5, 4000))
+
+
+# Consistency
+
+
+def test_nees_of_a_known_ellipse():
+    # P^-1 = [[2, -1], [-1, 2]] / 3.
+    covariance = np.array([[2.0, 1.0], [1.0, 2.0]])
+    error = np.array([[1.0, 0.0], [1.0, 1.0], [3.0, -3.0]])
+    expected = [2 / 3, 2 / 3, 18.0]
+    assert statistics.nees(error, covariance) == pytest.approx(expected)
+    each = covariance * np.array([1.0, 2.0, 3.0])[:, None, None]
+    assert statistics.nees(error, each) == pytest.approx([2 / 3, 1 / 3, 6.0])
+
+
+def test_nees_refuses_what_is_no_covariance():
+    with pytest.raises(np.linalg.LinAlgError):
+        statistics.nees(np.ones((2, 2)), [[1.0, 2.0], [2.0, 1.0]])
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_nees_is_invariant_under_linear_maps(seed):
+    rng = np.random.default_rng(seed)
+    root, change = rng.standard_normal((2, 4, 4)) + 5.0 * np.eye(4)
+    error, covariance = rng.standard_normal((6, 4)), root @ root.T
+    mapped = statistics.nees(error @ change.T, change @ covariance @ change.T)
+    np.testing.assert_allclose(mapped, statistics.nees(error, covariance), rtol=1e-6)
+
+
+def test_nees_interval_has_the_published_values():
+    # Bar-Shalom et al. (2001), sec. 5.4: 50 runs of dimension 2, chi-square table of 100 degrees.
+    assert statistics.nees_interval(50, 2) == pytest.approx((74.222 / 50, 129.561 / 50), abs=1e-4)
+    with pytest.raises(ValueError, match="positive"):
+        statistics.nees_interval(0, 2)
+
+
+def test_mean_nees_of_a_linear_gaussian_filter_lies_in_its_interval():
+    trials, runs = 3000, 20
+    rng = np.random.default_rng(7)
+    # Static estimate of x ~ N(0, P0) from z = H x + v: the textbook posterior covariance.
+    prior, H, R = np.diag([4.0, 1.0, 9.0]), np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 1.0]]), np.eye(2)
+    S = H @ prior @ H.T + R
+    gain = prior @ H.T @ np.linalg.inv(S)
+    x = rng.standard_normal((trials * runs, 3)) @ np.sqrt(prior)
+    z = x @ H.T + rng.standard_normal((trials * runs, 2))
+    lower, upper = statistics.nees_interval(runs, 3)
+    nees = statistics.nees(z @ gain.T - x, prior - gain @ H @ prior)
+    share = held(lower, nees.reshape(trials, runs).mean(axis=1), upper)
+    assert share == pytest.approx(0.95, abs=tolerance(0.95, trials))
+    nis = statistics.nees(z, np.broadcast_to(S, (len(z), 2, 2)))
+    lower, upper = statistics.nees_interval(runs, 2)
+    share = held(lower, nis.reshape(trials, runs).mean(axis=1), upper)
+    assert share == pytest.approx(0.95, abs=tolerance(0.95, trials))
+
+
+def test_autocorrelation_of_an_alternating_and_of_a_constant_sequence():
+    sequence = np.column_stack([(-1.0) ** np.arange(10), np.full(10, 3.0)])
+    expected = [[-1.0, 1.0], [1.0, 1.0], [-1.0, 1.0]]
+    np.testing.assert_allclose(statistics.autocorrelation(sequence, [1, 2, 3]), expected)
+    for lag in (0, 10):
+        with pytest.raises(ValueError, match="lag"):
+            statistics.autocorrelation(sequence, [lag])
+
+
+def test_autocorrelation_finds_the_coloured_sequence():
+    rng = np.random.default_rng(8)
+    white = rng.standard_normal((4000, 400))
+    moving = white[1:] + 0.5 * white[:-1]
+    band = statistics.white_band(4000)
+    assert band == pytest.approx(1.96 / np.sqrt(4000), rel=1e-4)
+    inside = np.abs(statistics.autocorrelation(white, [1, 5, 20])) < band
+    assert inside.mean() == pytest.approx(0.95, abs=tolerance(0.95, inside.size))
+    # A moving average of order one has autocorrelation 0.5 / 1.25 at lag 1 and none beyond.
+    rho = statistics.autocorrelation(moving, [1, 2])
+    assert rho.mean(axis=1) == pytest.approx([0.4, 0.0], abs=0.005)
+
+
+# Paired comparison
+
+
+def paired(rng, runs, ratio, parameters=27):
+    """Errors of which a is `ratio` times as large as b, correlated 0.8 run by run."""
+    b, own = rng.standard_normal((2, runs, parameters))
+    return ratio * (0.8 * b + 0.6 * own), b
+
+
+def compare(a, b, seed=0, resamples=400):
+    rng = np.random.default_rng(seed)
+    return comparison.rmse_ratio(a, b, resamples=resamples, rng=rng)
+
+
+def test_ratio_intervals_hold_at_their_level():
+    rng, trials, ratio = np.random.default_rng(9), 400, np.linspace(0.5, 2.0, 27)
+    pointwise, simultaneous = [], []
+    for trial in range(trials):
+        result = compare(*paired(rng, 200, ratio), seed=trial)
+        pointwise.append(held(result.lower, ratio, result.upper))
+        low, high = result.simultaneous_lower, result.simultaneous_upper
+        simultaneous.append(held(low, ratio, high) == 1.0)
+    # A percentile interval holds about 1 % less than it says at 200 runs.
+    assert np.mean(pointwise) == pytest.approx(0.945, abs=tolerance(0.95, 27 * trials) + 0.005)
+    assert np.mean(simultaneous) == pytest.approx(0.955, abs=tolerance(0.95, trials))
+
+
+def test_simultaneous_interval_is_that_of_bonferroni_for_independent_parameters():
+    a, b = paired(np.random.default_rng(10), 2000, 1.0)
+    result = compare(a, b, resamples=4000)
+    # Delta method for equal normal variances: var log ratio = (1 - correlation^2) / runs.
+    se = 0.6 / np.sqrt(2000)
+    half = np.log(result.simultaneous_upper / result.ratio)
+    assert half.mean() == pytest.approx(stats.norm.ppf(0.5 + 0.95 ** (1 / 27) / 2) * se, rel=0.05)
+    half = np.log(result.upper / result.lower) / 2
+    assert half.mean() == pytest.approx(1.96 * se, rel=0.05)
+
+
+@given(ERRORS, st.floats(0.01, 100.0))
+def test_units_cancel_in_the_ratio(error, unit):
+    other = error[::-1] + 1.0
+    mine, theirs = compare(error, other, resamples=50), compare(unit * error, unit * other, 0, 50)
+    for name in ("ratio", "lower", "upper"):
+        np.testing.assert_allclose(getattr(theirs, name), getattr(mine, name), rtol=1e-9)
+
+
+def test_what_is_the_same_in_both_has_a_ratio_without_width():
+    a, b = paired(np.random.default_rng(11), 50, 1.0, parameters=3)
+    free = compare(a[:, 1:], b[:, 1:])
+    a[:, 0] = -b[:, 0]
+    result = compare(a, b)
+    assert (result.lower[0], result.upper[0]) == pytest.approx((1.0, 1.0))
+    assert (result.simultaneous_lower[0], result.simultaneous_upper[0]) == pytest.approx((1, 1))
+    np.testing.assert_allclose(result.simultaneous_upper[1:], free.simultaneous_upper)
+
+
+def test_blocks_of_resamples_change_nothing(monkeypatch):
+    a, b = paired(np.random.default_rng(12), 40, 1.3)
+    whole = compare(a, b)
+    monkeypatch.setattr(comparison, "_BLOCK_WEIGHTS", 40 * 7)
+    np.testing.assert_allclose(compare(a, b).simultaneous_lower, whole.simultaneous_lower)
+
+
+def test_p_value_is_uniform_under_the_null_and_finds_the_alternative():
+    rng = np.random.default_rng(13)
+    p = comparison.p_value_ratio_above_one(*paired(rng, 300, 1.0, parameters=5000))
+    for level in (0.01, 0.05, 0.5):
+        assert (p < level).mean() == pytest.approx(level, abs=tolerance(level, p.size) + 0.002)
+    # A ratio of 1.1 is 2.8 standard errors of 0.6 / sqrt(300) away in its logarithm.
+    p = comparison.p_value_ratio_above_one(*paired(rng, 300, 1.1, parameters=2000))
+    power = stats.norm.sf(1.645 - np.log(1.1) * np.sqrt(300) / 0.6)
+    assert (p < 0.05).mean() == pytest.approx(power, abs=0.05)
+    better = comparison.p_value_ratio_above_one(*paired(rng, 300, 0.9, parameters=2000))
+    assert (better < 0.05).mean() < 0.001
+
+
+def test_p_value_of_identical_errors_is_one():
+    a, b = paired(np.random.default_rng(14), 30, 2.0, parameters=2)
+    a[:, 0] = b[:, 0]
+    p = comparison.p_value_ratio_above_one(a, b)
+    assert p[0] == 1.0
+    assert p[1] < 0.01
+
+
+def test_holm_adjusts_as_in_a_worked_example():
+    # 4 x 0.005, 3 x 0.01, 2 x 0.03, and 0.04 raised to the one before it.
+    assert comparison.holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert comparison.holm([0.9, 0.8]) == pytest.approx([1.0, 1.0])
+    with pytest.raises(ValueError, match="p-values"):
+        comparison.holm([0.1, np.nan])
+
+
+def test_pairs_that_cannot_be_compared_are_refused():
+    with pytest.raises(ValueError, match="shapes"):
+        compare(np.ones((3, 2)), np.ones((4, 2)))
+    with pytest.raises(ValueError, match="two runs"):
+        compare(np.ones((1, 2)), np.ones((1, 2)))
+    with pytest.raises(ValueError, match="resamples"):
+        compare(np.ones((3, 2)), np.ones((3, 2)), resamples=1)
