@@ -16,7 +16,7 @@ from inscal.kernel import LANES
 from inscal.motion import Motion, Site
 from inscal.parameters import COUNT
 from inscal.recursion import InitialStd
-from inscal.simulation import TruthModel, draw_truth, simulate
+from inscal.simulation import TruthModel, Workspace, draw_truth, simulate
 from inscal.state_model import NoiseModel
 from inscal.statistics import nees
 
@@ -68,7 +68,9 @@ class Outcome:
     failed: np.ndarray
 
 
-def run(experiment: Experiment, runs: Sequence[int]) -> Outcome:
+def run(
+    experiment: Experiment, runs: Sequence[int], workspace: Workspace | None = None
+) -> Outcome:
     """Simulate and calibrate.
 
     Parameters
@@ -76,17 +78,20 @@ def run(experiment: Experiment, runs: Sequence[int]) -> Outcome:
     experiment : Experiment
     runs : sequence of int
         Run numbers, in any number and order.
+    workspace : Workspace, optional
+        Buffers to reuse; one thread at a time.
 
     Returns
     -------
     Outcome
     """
     numbers = list(runs)
+    workspace = workspace or Workspace.of(experiment.motion)
     truth = np.array([draw_truth(experiment.truth, experiment.seed, r) for r in numbers])
     estimate = np.empty((len(numbers), COUNT))
     for first in range(0, len(numbers), LANES):
         part = slice(first, min(first + LANES, len(numbers)))
-        estimate[part] = _tile(experiment, numbers[part], truth[part], None)
+        estimate[part] = _tile(experiment, numbers[part], truth[part], workspace)
     failed = ~np.isfinite(estimate).all(axis=1)
     estimate[failed] = np.nan
     modelled = experiment.estimator.predicted_std > 0
@@ -114,11 +119,12 @@ def run_with_history(experiment: Experiment, number: int) -> tuple[Outcome, Hist
     """
     outcome = run(experiment, [number])
     full = empty_history(experiment.estimator.passes, experiment.motion.updates)
-    _tile(experiment, [number], outcome.truth, full)
+    workspace = Workspace.of(experiment.motion)
+    _tile(experiment, [number], outcome.truth, workspace, history=full)
     return outcome, History(full.estimate[..., :1], full.innovation[..., :1])
 
 
-def _tile(experiment, numbers, truth, history) -> np.ndarray:
+def _tile(experiment, numbers, truth, workspace, history=None) -> np.ndarray:
     """Estimates, shape (runs, 27), of up to `LANES` runs; spare lanes repeat the last one."""
     lanes = np.minimum(np.arange(LANES), len(numbers) - 1)
     record = simulate(
@@ -128,6 +134,7 @@ def _tile(experiment, numbers, truth, history) -> np.ndarray:
         experiment.initial,
         seed=experiment.seed,
         runs=[numbers[lane] for lane in lanes],
+        workspace=workspace,
     )
     estimate = calibrate(
         record, experiment.motion, experiment.site, experiment.estimator, history=history

@@ -89,6 +89,29 @@ def draw_truth(model: TruthModel, seed: int, run: int) -> np.ndarray:
     raise ValueError(f"truth distribution {model.distribution!r}: fixed, normal or uniform")
 
 
+@dataclass(frozen=True)
+class Workspace:
+    """Buffers of one tile of runs, kept from tile to tile: fresh memory costs more than it holds.
+
+    Attributes
+    ----------
+    sensors : ndarray, shape (steps, 6, LANES)
+    observations : ndarray, shape (updates, 6, LANES)
+    """
+
+    sensors: np.ndarray
+    observations: np.ndarray
+
+    @classmethod
+    def of(cls, motion: Motion) -> "Workspace":
+        """Buffers for a motion."""
+        return cls(np.empty((motion.steps, 6, LANES)), np.empty((motion.updates, 6, LANES)))
+
+    def fits(self, motion: Motion) -> bool:
+        """Whether the buffers are of the size that a motion needs."""
+        return (len(self.sensors), len(self.observations)) == (motion.steps, motion.updates)
+
+
 def simulate(
     truth: np.ndarray,
     motion: Motion,
@@ -97,6 +120,7 @@ def simulate(
     *,
     seed: int,
     runs: Sequence[int],
+    workspace: Workspace,
 ) -> Record:
     """Record of `LANES` simulated calibrations.
 
@@ -113,6 +137,8 @@ def simulate(
         The campaign's.
     runs : sequence of int, length LANES
         Run numbers; they choose the random streams.
+    workspace : Workspace
+        The record's arrays; overwritten by the next call with it.
 
     Returns
     -------
@@ -121,11 +147,10 @@ def simulate(
     errors = np.array([generator(seed, r, "initial").standard_normal(9) for r in runs]).T
     misalignment = Rotation.from_rotvec(-(initial.attitude[:, None] * errors[0:3]).T)
     nominal = Rotation.from_matrix(motion.initial_attitude)
-    observations = np.empty((motion.updates, 6, LANES))
+    sensors, observations = workspace.sensors, workspace.observations
     scale = np.repeat([noise.velocity, noise.position], 3)
     _draw(tuple(generator(seed, r, "observations") for r in runs), observations)
     observations *= scale[:, None]
-    sensors = np.empty((motion.steps, 6, LANES))
     _simulate_sensors(
         tuple(generator(seed, r, "sensors") for r in runs),
         truth,

@@ -2,15 +2,17 @@
 
 A campaign is an `xarray.Dataset`, all in paper units, with
 
-- data variables truth, estimate and error (run, parameter), predicted_std (parameter),
-  nees (run; of the error vector over the parameters) and status (run; 0 not run, 1 done,
-  2 failed);
+- data variables truth, estimate and error (run, parameter), predicted_std (parameter; zero where
+  the filter does not model the parameter), nees (run; over the modelled parameters) and status
+  (run; 0 not run, 1 done, 2 failed);
 - coordinates run (int), parameter (str) and unit (parameter; str).
 
 What comes back is a dataset too: variables on parameter alone, and scalars, each with a
 `long_name` and its `units`. Formulas and sources are in `inscal.statistics` and
 `inscal.comparison_statistics`.
 """
+
+from typing import TypeVar
 
 import numpy as np
 import xarray as xr
@@ -26,6 +28,8 @@ FAILED = 2
 
 CONFIDENCE = 0.95
 """Confidence of every interval of `summarize`."""
+
+_Statistic = TypeVar("_Statistic", Bounded, Estimate)
 
 _PARAMETER_UNIT = "see coordinate unit"
 
@@ -61,13 +65,14 @@ def summarize(campaign: xr.Dataset, bound: xr.DataArray) -> xr.Dataset:
         within its bound; nees_mean, and nees_lower and nees_upper between which it lies if the
         filter is consistent; precision, the worst relative half-width of the RMSE intervals.
 
-        With one run done whatever needs a scatter is NaN.
+        With one run done whatever needs a scatter is NaN; so is, of a parameter the filter does
+        not model, whatever compares with its predicted standard deviation.
 
     Raises
     ------
     ValueError
         If no run is done, a run marked done holds a value that is not finite, a predicted
-        standard deviation is not positive, or a parameter has no bound.
+        standard deviation is negative or not finite, or a parameter has no bound.
     """
     done = _done(campaign)
     if done.sizes["run"] == 0:
@@ -79,7 +84,7 @@ def summarize(campaign: xr.Dataset, bound: xr.DataArray) -> xr.Dataset:
     columns = _error_columns(error)
     columns |= _prediction_columns(error, predicted)
     columns |= _bound_columns(error, limit)
-    columns |= _nees_scalars(done["nees"].to_numpy(), done.sizes["parameter"])
+    columns |= _nees_scalars(done["nees"].to_numpy(), int((predicted > 0.0).sum()))
     failed = int((campaign["status"] == FAILED).sum())
     columns["runs_done"] = _variable(len(error), "runs done", "1")
     columns["runs_failed"] = _variable(failed, "runs failed", "1")
@@ -106,15 +111,15 @@ def compare(
     xarray.Dataset
         On parameter: ratio; lower and upper, its pointwise interval; simultaneous_lower and
         simultaneous_upper, which hold for all parameters at once; p_ratio_above_one, Holm-adjusted
-        over the parameters, small where `a` is worse; predicted_ratio; rmse_a and rmse_b. Scalar:
-        runs_paired.
+        over the parameters, small where `a` is worse; predicted_ratio, NaN unless both filters
+        model the parameter; rmse_a and rmse_b. Scalar: runs_paired.
 
     Raises
     ------
     ValueError
         If the parameters or the truths of the paired runs differ, fewer than two runs are done in
         both, a run marked done holds a value that is not finite, or a predicted standard
-        deviation is not positive.
+        deviation is negative or not finite.
     """
     if list(a["parameter"].values) != list(b["parameter"].values):
         raise ValueError("the campaigns have different parameters")
@@ -134,6 +139,9 @@ def compare(
         confidence=confidence,
     )
     p = comparison_statistics.holm(comparison_statistics.p_value_ratio_above_one(error_a, error_b))
+    std_a, std_b = _predicted_std(done_a), _predicted_std(done_b)
+    predicted_ratio = np.full_like(std_a, np.nan)
+    np.divide(std_a, std_b, out=predicted_ratio, where=(std_a > 0.0) & (std_b > 0.0))
     percent = f"{100 * confidence:g} %"
     both = f"simultaneous {percent} limit"
     columns = {
@@ -143,9 +151,7 @@ def compare(
         "simultaneous_lower": _variable(result.simultaneous_lower, f"lower {both}", "1"),
         "simultaneous_upper": _variable(result.simultaneous_upper, f"upper {both}", "1"),
         "p_ratio_above_one": _variable(p, "Holm-adjusted p-value against ratio <= 1", "1"),
-        "predicted_ratio": _variable(
-            _predicted_std(done_a) / _predicted_std(done_b), "predicted std of a over b", "1"
-        ),
+        "predicted_ratio": _variable(predicted_ratio, "predicted std of a over b", "1"),
         "rmse_a": _variable(statistics.rmse(error_a).value, "RMSE of a", _PARAMETER_UNIT),
         "rmse_b": _variable(statistics.rmse(error_b).value, "RMSE of b", _PARAMETER_UNIT),
         "runs_paired": _variable(len(runs), "runs done in both campaigns", "1"),
@@ -171,10 +177,10 @@ def _done(campaign: xr.Dataset) -> xr.Dataset:
 
 def _predicted_std(campaign: xr.Dataset) -> np.ndarray:
     predicted = campaign["predicted_std"].to_numpy()
-    bad = ~(np.isfinite(predicted) & (predicted > 0.0))
+    bad = ~(np.isfinite(predicted) & (predicted >= 0.0))
     if bad.any():
         name = str(campaign["parameter"].to_numpy()[bad][0])
-        raise ValueError(f"the predicted standard deviation of {name} is not positive")
+        raise ValueError(f"the predicted standard deviation of {name} is negative or not finite")
     return predicted
 
 
@@ -216,29 +222,31 @@ def _error_columns(error: np.ndarray) -> dict[str, xr.Variable]:
 
 
 def _prediction_columns(error: np.ndarray, predicted: np.ndarray) -> dict[str, xr.Variable]:
+    modelled = predicted > 0.0
+    error, sigma = error[:, modelled], predicted[modelled]
+    ratio = np.full(predicted.shape, np.nan)
+    ratio[modelled] = statistics.rmse(error).value / sigma
     columns = {
         "predicted_std": _variable(predicted, "predicted standard deviation", _PARAMETER_UNIT),
-        "rmse_over_predicted": _variable(
-            statistics.rmse(error).value / predicted, "RMSE over predicted std", "1"
-        ),
+        "rmse_over_predicted": _variable(ratio, "RMSE over predicted std", "1"),
         **_with_mcse(
             "model_error_percent",
-            statistics.model_error_percent(error, predicted),
+            _filled(statistics.model_error_percent(error, sigma), modelled),
             "relative error of predicted std",
             "%",
         ),
         **_with_mcse(
             "bias_eliminated_coverage",
-            statistics.bias_eliminated_coverage(error, 2 * predicted),
+            _filled(statistics.bias_eliminated_coverage(error, 2 * sigma), modelled),
             "share of runs within 2 predicted sigma of the mean error",
             "1",
         ),
     }
-    for sigmas in (1, 2, 3):
-        name = f"coverage_{sigmas}_sigma"
-        share = statistics.share_within(error, sigmas * predicted, CONFIDENCE)
-        columns |= _with_interval(name, share, f"share within {sigmas} predicted sigma", "1")
-        columns[name].attrs["nominal"] = statistics.nominal_coverage(sigmas)
+    for count in (1, 2, 3):
+        name = f"coverage_{count}_sigma"
+        share = _filled(statistics.share_within(error, count * sigma, CONFIDENCE), modelled)
+        columns |= _with_interval(name, share, f"share within {count} predicted sigma", "1")
+        columns[name].attrs["nominal"] = statistics.nominal_coverage(count)
     columns["bias_eliminated_coverage"].attrs["nominal"] = statistics.nominal_coverage(2)
     return columns
 
@@ -279,6 +287,13 @@ def _with_mcse(name: str, estimate: Estimate, long_name: str, units: str) -> dic
         name: _variable(estimate.value, long_name, units),
         f"{name}_mcse": _variable(estimate.mcse, f"{long_name}, Monte Carlo standard error", units),
     }
+
+
+def _filled(statistic: _Statistic, modelled: np.ndarray) -> _Statistic:
+    """Give a statistic of the modelled parameters NaN for the others."""
+    rows = np.full((len(statistic), modelled.size), np.nan)
+    rows[:, modelled] = statistic
+    return type(statistic)(*rows)
 
 
 def _variable(values: np.ndarray | float, long_name: str, units: str) -> xr.Variable:

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 import xarray as xr
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
@@ -101,6 +101,7 @@ def test_only_runs_done_count_and_the_others_may_hold_anything():
     xr.testing.assert_identical(summary.drop_vars("runs_failed"), all_done.drop_vars("runs_failed"))
 
 
+@settings(deadline=None, max_examples=30)
 @given(
     arrays(float, (4, COUNT), elements=st.floats(0.1, 10.0)),
     arrays(float, COUNT, elements=st.floats(0.01, 100.0)),
@@ -153,6 +154,30 @@ def test_one_run_gives_shares_but_no_scatter():
     assert not summary["precision"] < 1e9
 
 
+def test_parameters_not_modelled_have_errors_but_no_prediction_to_hold_them_against():
+    one = campaign(normal_errors(30, 22))
+    whole = summarize(one, BOUND)
+    one["predicted_std"][[4, 9]] = 0.0
+    partial = summarize(one, BOUND)
+    modelled = (partial["predicted_std"] > 0.0).values
+    assert (~modelled).nonzero()[0].tolist() == [4, 9]
+    prediction = [n for n in whole if str(n).startswith(("coverage", "model", "bias_elim"))]
+    assert len(prediction) == 13
+    for name in [*prediction, "rmse_over_predicted"]:
+        assert np.isnan(partial[name][~modelled]).all()
+        xr.testing.assert_identical(partial[name][modelled], whole[name][modelled])
+    for name in ("bias", "rmse_upper", "share_within_bound", "joint_share", "precision"):
+        xr.testing.assert_identical(partial[name], whole[name])
+    limits = statistics.nees_interval(30, COUNT - 2)
+    assert (partial["nees_lower"], partial["nees_upper"]) == pytest.approx(limits)
+
+    other = campaign(normal_errors(30, 23))
+    other["predicted_std"][7] = 0.0
+    ratio = compare(one, other, resamples=50, seed=1)["predicted_ratio"]
+    assert np.isnan(ratio).values.nonzero()[0].tolist() == [4, 7, 9]
+    assert ratio.sum() == pytest.approx(COUNT - 3)
+
+
 def test_campaign_without_a_run_done_is_refused():
     with pytest.raises(ValueError, match="no run of the campaign is done"):
         summarize(campaign(normal_errors(3, 7), status=[0, 2, 2]), BOUND)
@@ -170,8 +195,8 @@ def test_missing_bound_and_useless_prediction_are_named():
     one = campaign(normal_errors(4, 9))
     with pytest.raises(ValueError, match=f"{NAMES[3]} has no accuracy bound"):
         summarize(one, BOUND.drop_sel(parameter=NAMES[3]))
-    one["predicted_std"][5] = 0.0
-    with pytest.raises(ValueError, match=f"{NAMES[5]} is not positive"):
+    one["predicted_std"][5] = -1.0
+    with pytest.raises(ValueError, match=f"{NAMES[5]} is negative"):
         summarize(one, BOUND)
 
 
@@ -179,8 +204,8 @@ def test_missing_bound_and_useless_prediction_are_named():
 
 
 def test_comparison_finds_the_one_parameter_made_worse():
-    base = normal_errors(300, 10)
-    own = normal_errors(300, 11)
+    base = normal_errors(300, 20)
+    own = normal_errors(300, 21)
     other = 0.8 * base + 0.6 * own
     other[:, 4] *= 1.5
     # At a confidence at which one false alarm among the other 26 is not to be expected.

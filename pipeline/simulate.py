@@ -1,0 +1,184 @@
+"""Stage `simulate`: a campaign of calibrated runs into a store, or one of its runs in full.
+
+Usage: ``python -m pipeline.simulate [schedule=...] [noise=...] [truth=...] [campaign.runs=...]``,
+``only_run=17`` to repeat run 17 alone and keep its course.
+"""
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from distributed import Client, as_completed
+
+from inscal.experiment import Outcome, run_with_history
+from inscal.parameters import NAMES, UNITS
+from pipeline import store
+from pipeline.build import build_experiment, build_schedule, si_units, warnings
+from pipeline.cluster import client
+from pipeline.config import Config, DataError, resolved, stage
+from pipeline.output import complain
+from pipeline.progress import CampaignProgress
+from pipeline.worker import attempt
+
+_FLUSH_INTERVAL_S = 2.0
+_QUEUED_PER_WORKER = 4
+
+
+def batches(pending: np.ndarray, size: int) -> list[list[int]]:
+    """Pending run numbers in batches of at most `size` consecutive runs."""
+    gaps = np.flatnonzero(np.diff(pending) > 1) + 1
+    return [
+        stretch[first : first + size].tolist()
+        for stretch in np.split(pending, gaps)
+        for first in range(0, len(stretch), size)
+    ]
+
+
+def simulate_campaign(config: Config) -> None:
+    """Make all runs of a campaign that its store does not hold yet.
+
+    Parameters
+    ----------
+    config : Config
+
+    Raises
+    ------
+    DataError
+        If the store is another campaign's, or the cluster cannot be had.
+    """
+    experiment = build_experiment(config)
+    target = store.open_store(config, experiment.estimator.predicted_std / si_units(config))
+    todo = batches(store.pending(target), config.campaign.batch)
+    before = config.campaign.runs - sum(map(len, todo))
+    name = Path(config.campaign.store).name
+    with CampaignProgress(config.campaign.runs, before, name) as progress:
+        if todo:
+            with client(config.cluster) as workers:
+                _fan_out(config, experiment, todo, target, workers, progress)
+
+
+def _fan_out(config, experiment, todo, target, workers: Client, progress) -> None:
+    """Keep every worker supplied, write what comes back, release it."""
+    shared = workers.scatter(experiment, broadcast=True, hash=False)
+    waiting = iter(todo)
+    finished: list[tuple[list[int], Outcome]] = []
+    flushed = time.monotonic()
+    futures = as_completed(with_results=False)
+    numbers = {}
+
+    def submit() -> None:
+        runs = next(waiting, None)
+        if runs is not None:
+            future = workers.submit(attempt, shared, runs, pure=False)
+            numbers[future.key] = runs
+            futures.add(future)
+
+    for _ in range(_QUEUED_PER_WORKER * max(1, sum(workers.nthreads().values()))):
+        submit()
+    for future in futures:
+        runs, outcome = numbers.pop(future.key), future.result()
+        future.release()
+        submit()
+        finished.append((runs, outcome))
+        for failed in np.array(runs)[outcome.failed]:
+            progress.say(
+                f"run {failed} failed (seed {config.campaign.seed}); repeat with only_run={failed}"
+            )
+        if time.monotonic() - flushed > _FLUSH_INTERVAL_S:
+            store.write(target, config, finished)
+            finished.clear()
+            flushed = time.monotonic()
+        progress.advance(len(runs))
+    store.write(target, config, finished)
+
+
+def history_dataset(config: Config) -> xr.Dataset:
+    """Course of run `only_run`: estimates, errors, predicted sigma and innovations at every update.
+
+    Parameters
+    ----------
+    config : Config
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions calibration_pass, time, parameter and observation; parameters in paper units.
+    """
+    experiment = build_experiment(config)
+    number = config.only_run
+    outcome, history = run_with_history(experiment, number)
+    unit = si_units(config)
+    passes = range(experiment.estimator.passes)
+    truth, estimate = outcome.truth[0] / unit, history.estimate[..., 0] / unit
+    course = ("calibration_pass", "time", "parameter")
+    observed = ("calibration_pass", "time", "observation")
+    interval = config.estimator.update_interval_s
+    gains = [experiment.estimator.gains(p) for p in passes]
+    return xr.Dataset(
+        {
+            "truth": ("parameter", truth),
+            "final_estimate": ("parameter", outcome.estimate[0] / unit),
+            "final_error": ("parameter", (outcome.estimate[0] / unit) - truth),
+            "estimate": (course, estimate),
+            "error": (course, estimate - truth),
+            "predicted_std": (course, np.array([g.parameter_std for g in gains]) / unit),
+            "innovation": (observed, history.innovation[..., 0]),
+            "innovation_std": (
+                observed,
+                np.sqrt(np.array([g.innovation_covariance for g in gains]).diagonal(0, 2, 3)),
+            ),
+            "nees": outcome.nees[0],
+        },
+        coords={
+            "calibration_pass": np.arange(1, len(passes) + 1),
+            "time": ("time", interval * np.arange(1, experiment.motion.updates + 1)),
+            "parameter": np.array(NAMES, dtype=object),
+            "unit": ("parameter", np.array(UNITS, dtype=object)),
+            "observation": np.array(
+                [f"velocity_{d}" for d in ("north", "east", "down")]
+                + [f"position_{d}" for d in ("north", "east", "height")],
+                dtype=object,
+            ),
+        },
+        attrs={
+            "run": number,
+            "seed": config.campaign.seed,
+            "positions": build_schedule(config).positions,
+            "configuration": json.dumps(resolved(config)),
+            "note": "time in s; innovations in m/s and m; parameters in the units of `unit`",
+        },
+    )
+
+
+def repeat_run(config: Config) -> None:
+    """Repeat one run of a campaign and write its course as netCDF.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be written.
+    """
+    path = Path(config.out or f"{config.campaign.store}-run{config.only_run}.nc")
+    course = history_dataset(config)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        course.to_netcdf(path, engine="scipy")
+    except OSError as error:
+        raise DataError(f"out = {path}: cannot be written ({error.strerror})") from None
+    print(f"run {config.only_run} of seed {config.campaign.seed}: course in {path}")
+
+
+@stage
+def main(config: Config) -> None:
+    """Run the campaign, or the one run asked for."""
+    complain(warnings(config))
+    if config.only_run is None:
+        simulate_campaign(config)
+    else:
+        repeat_run(config)
+
+
+if __name__ == "__main__":
+    main()

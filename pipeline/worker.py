@@ -1,0 +1,44 @@
+"""What a dask worker does: one batch of runs.
+
+A module of its own, so that workers import it by name and keep their buffers from batch to batch.
+"""
+
+import threading
+
+import numpy as np
+
+from inscal.experiment import Experiment, Outcome, run
+from inscal.parameters import COUNT
+from inscal.simulation import Workspace
+
+_thread = threading.local()
+
+
+def attempt(experiment: Experiment, runs: list[int]) -> Outcome:
+    """Outcome of a batch; an exception costs the run it comes from and no other.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    runs : list of int
+
+    Returns
+    -------
+    Outcome
+    """
+    workspace = getattr(_thread, "workspace", None)
+    if workspace is None or not workspace.fits(experiment.motion):
+        workspace = _thread.workspace = Workspace.of(experiment.motion)
+    try:
+        return run(experiment, runs, workspace)
+    except Exception:
+        if len(runs) == 1:
+            nothing = np.full((1, COUNT), np.nan)
+            return Outcome(nothing, nothing, np.full(1, np.nan), np.ones(1, dtype=bool))
+    singles = [attempt(experiment, [number]) for number in runs]
+    return Outcome(
+        *(
+            np.concatenate([getattr(single, name) for single in singles])
+            for name in ("truth", "estimate", "nees", "failed")
+        )
+    )
