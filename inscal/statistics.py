@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
+from scipy import special
 
 
 class Estimate(NamedTuple):
@@ -251,7 +251,7 @@ def wilson_interval(successes: ArrayLike, trials: ArrayLike, confidence: float =
     hits, n = np.asarray(successes, dtype=float), np.asarray(trials, dtype=float)
     if not ((n > 0) & (hits >= 0) & (hits <= n)).all():
         raise ValueError("successes must lie between 0 and trials, and trials be positive")
-    z = stats.norm.ppf(central_tails(confidence)[1])
+    z = special.ndtri(central_tails(confidence)[1])
     share = hits / n
     centre = (hits + z**2 / 2) / (n + z**2)
     half = z / (n + z**2) * np.sqrt(n * share * (1.0 - share) + z**2 / 4)
@@ -283,7 +283,7 @@ def share_within(error: ArrayLike, half_width: ArrayLike, confidence: float = 0.
 
 def nominal_coverage(sigmas: float) -> float:
     """Coverage of k sigma by normal errors: 0.6827, 0.9545 and 0.9973 for 1, 2 and 3 sigma."""
-    return float(1.0 - 2.0 * stats.norm.sf(sigmas))
+    return float(1.0 - 2.0 * special.ndtr(-sigmas))
 
 
 def nees(error: ArrayLike, covariance: ArrayLike) -> np.ndarray:
@@ -337,7 +337,8 @@ def nees_interval(runs: int, dof: int, confidence: float = 0.95) -> tuple[float,
     """
     if runs < 1 or dof < 1:
         raise ValueError(f"runs {runs} and degrees of freedom {dof} must be positive")
-    lower, upper = stats.chi2.ppf(central_tails(confidence), runs * dof) / runs
+    # chi-square with n degrees of freedom is twice gamma of shape n / 2
+    lower, upper = 2 * special.gammaincinv(runs * dof / 2, central_tails(confidence)) / runs
     return float(lower), float(upper)
 
 
@@ -377,7 +378,7 @@ def white_band(updates: int, confidence: float = 0.95) -> float:
 
     By normal approximation 1.96 / sqrt(updates) at 95 %, for lags far below `updates`.
     """
-    return float(stats.norm.ppf(central_tails(confidence)[1]) / np.sqrt(updates))
+    return float(special.ndtri(central_tails(confidence)[1]) / np.sqrt(updates))
 
 
 def _spread(values: np.ndarray) -> np.ndarray:
@@ -390,5 +391,5 @@ def _spread(values: np.ndarray) -> np.ndarray:
 def _log_rmse_half_width(values: np.ndarray, confidence: float) -> np.ndarray:
     square = np.square(values)
     mse_mcse = _spread(square) / np.sqrt(len(square))
-    z = stats.norm.ppf(central_tails(confidence)[1])
+    z = special.ndtri(central_tails(confidence)[1])
     return z * mse_mcse / (2.0 * square.mean(axis=0))

@@ -1,0 +1,90 @@
+"""Stage `compare`: RMSE of one campaign over another's, paired run by run.
+
+Usage: ``python -m pipeline.compare a=STORE b=STORE [out=FILE.csv]``. Both campaigns must share the
+seed and the truth; they may differ in anything else. A ratio above one means that `a` is worse.
+"""
+
+from pathlib import Path
+
+import xarray as xr
+from rich.console import Console
+from rich.table import Table
+
+from inscal.summary import compare
+from pipeline import store
+from pipeline.config import Config, ConfigError, DataError, stage
+from pipeline.output import table_text, write_text
+from pipeline.summarize import as_json
+
+_FOLDER = Path("results/comparison")
+_RESAMPLES = 4000
+
+
+def comparison_of(a: str | Path, b: str | Path) -> xr.Dataset:
+    """Paired comparison of two campaign stores.
+
+    Parameters
+    ----------
+    a, b : str or Path
+
+    Returns
+    -------
+    xarray.Dataset
+        Of `inscal.summary.compare`.
+
+    Raises
+    ------
+    DataError
+        If a store is missing, or the two cannot be paired.
+    """
+    left, right = store.read(a), store.read(b)
+    if left.attrs["seed"] != right.attrs["seed"]:
+        seeds = left.attrs["seed"], right.attrs["seed"]
+        raise DataError(f"a = {a}, b = {b}: seeds {seeds} differ, so their runs are no pairs")
+    try:
+        result = compare(left, right, resamples=_RESAMPLES, seed=left.attrs["seed"])
+    except ValueError as error:
+        raise DataError(f"a = {a}, b = {b}: {error}") from None
+    duration = [_duration(campaign) for campaign in (left, right)]
+    return result.assign_attrs(a=Path(a).name, b=Path(b).name, duration_s=duration)
+
+
+def _duration(campaign: xr.Dataset) -> float:
+    schedule = campaign.attrs["configuration"]["schedule"]
+    return (len(schedule["rotations"]) + 1) * schedule["position_duration_s"]
+
+
+def print_comparison(result: xr.Dataset) -> None:
+    """Print a comparison as a table."""
+    a, b = result.attrs["a"], result.attrs["b"]
+    table = Table(title=f"RMSE of {a} / RMSE of {b}, {int(result.runs_paired)} paired runs")
+    for heading in ("parameter", "ratio", "95 %", "95 % for all at once", "predicted"):
+        table.add_column(heading, justify="left" if heading == "parameter" else "right")
+    for name in result.parameter.values:
+        row = result.sel(parameter=name)
+        table.add_row(
+            str(name),
+            f"{float(row.ratio):.3f}",
+            f"{float(row.lower):.3f} - {float(row.upper):.3f}",
+            f"{float(row.simultaneous_lower):.3f} - {float(row.simultaneous_upper):.3f}",
+            f"{float(row.predicted_ratio):.3f}",
+        )
+    Console(width=110).print(table)
+
+
+@stage
+def main(config: Config) -> None:
+    """Compare stores `a` and `b` into a table on the terminal, a CSV and a JSON file."""
+    for key in ("a", "b"):
+        if getattr(config, key) is None:
+            raise ConfigError(f"{key} = null: must be the path of a campaign store")
+    result = comparison_of(config.a or "", config.b or "")
+    print_comparison(result)
+    default = _FOLDER / f"{result.attrs['a']}-over-{result.attrs['b']}.csv"
+    path = Path(config.out) if config.out else default
+    write_text(path, table_text(result))
+    write_text(path.with_suffix(".json"), as_json(result))
+
+
+if __name__ == "__main__":
+    main()
