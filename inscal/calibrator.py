@@ -127,12 +127,17 @@ def calibrate(
         )
         constants = state[:CONSTANTS]
         if number > 0:
-            moved = estimator.translate @ (constants - begin)
-            constants = begin + moved - estimator.pull @ from_prior
+            moved = _apply(estimator.translate, constants - begin)
+            constants = begin + moved - _apply(estimator.pull, from_prior)
         # a diverged lane keeps its NaN among the parameters, but needs some attitude to go on with
         constants[COUNT:, ~np.isfinite(constants).all(axis=0)] = 0.0
         start = Rotation.from_rotvec(constants[COUNT:].T) * start
     return constants[:COUNT]
+
+
+def _apply(matrix: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+    """Matrix product, lane by lane alike: a BLAS product rounds by the column's place."""
+    return (matrix[:, :, None] * lanes).sum(axis=1)
 
 
 def _metres(site: Site) -> np.ndarray:

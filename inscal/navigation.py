@@ -85,8 +85,13 @@ def advance(state, row, j, angle, velocity, dt, site):
         c[0][1] * w[0] + c[1][1] * w[1] + c[2][1] * w[2],
         c[0][2] * w[0] + c[1][2] * w[1] + c[2][2] * w[2],
     )
-    # the frame's rotation is the smaller by far: its J needs the turn only to first order
-    t = (angle[0] - frame[0], angle[1] - frame[1], angle[2] - frame[2])
+    # the frame turns slowly: a turn good to second order is good enough inside its J
+    slip = cross(angle, frame)
+    t = (
+        angle[0] - frame[0] + 0.5 * slip[0],
+        angle[1] - frame[1] + 0.5 * slip[1],
+        angle[2] - frame[2] + 0.5 * slip[2],
+    )
     _, b, e, _ = series(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
     frame = turn(-b, e, t, frame)
     t = (angle[0] - frame[0], angle[1] - frame[1], angle[2] - frame[2])

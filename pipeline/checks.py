@@ -28,7 +28,7 @@ KIND_KEYS: dict[str, str] = {
 
 Rule = tuple[Callable[[Any], bool], str]
 
-_MAX_ANGLE_STEP_DEG = 25.0  # beyond this the sampled turn no longer resembles the turn
+_MAX_ANGLE_STEP_DEG = 14.0  # inside inscal.rotation.MAX_STEP_ANGLE, where its series are exact
 _RATIO_TOLERANCE = 1e-9  # rounding of decimal seconds, as in 20.7 / 0.1
 
 _DIRECTIONS: dict[str, tuple[int, int, int]] = {

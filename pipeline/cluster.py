@@ -1,5 +1,6 @@
 """Where batches run: a dask client of the kind the configuration names."""
 
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -8,7 +9,34 @@ from distributed import Client, LocalCluster
 
 from pipeline.config import Cluster, DataError
 
-_QUIET = {"distributed.logging.distributed": "error", "distributed.comm.timeouts.connect": "10s"}
+_SETTINGS = {
+    "distributed.comm.timeouts.connect": "10s",
+    "distributed.admin.large-graph-warning-threshold": "1 GB",  # the experiment is a task's argument
+}
+_WORKER_TIMEOUT_S = 30
+
+
+def check(cluster: Cluster) -> None:
+    """See before a campaign whether SLURM can be had.
+
+    Where nothing can be submitted, the job script that would be is printed on standard output.
+
+    Parameters
+    ----------
+    cluster : Cluster
+
+    Raises
+    ------
+    DataError
+        If dask-jobqueue or sbatch is missing.
+    """
+    if cluster.kind == "slurm" and shutil.which("sbatch") is None:
+        with slurm(cluster) as jobs:
+            print(jobs.job_script().strip())
+        raise DataError(
+            "cluster = slurm: no sbatch on this machine; "
+            "the job script it would submit is on standard output"
+        )
 
 
 @contextmanager
@@ -22,28 +50,44 @@ def client(cluster: Cluster) -> Iterator[Client]:
     Yields
     ------
     distributed.Client
+        With at least one worker.
 
     Raises
     ------
     DataError
-        If a scheduler does not answer, or dask-jobqueue is missing.
+        If a scheduler does not answer or has no workers, or dask-jobqueue is missing.
     """
-    with dask.config.set(_QUIET):
+    with dask.config.set(_SETTINGS):
         if cluster.kind == "scheduler":
-            try:
-                connected = Client(cluster.address)
-            except OSError:
-                raise DataError(f"cluster.address = {cluster.address}: no scheduler answers") from None
-            with connected:
+            with _connect(cluster) as connected:
                 yield connected
-            return
-        with _start(cluster) as started, Client(started) as connected:
-            yield connected
+        else:
+            with _start(cluster) as started, Client(started) as connected:
+                connected.wait_for_workers(1)  # SLURM may take its time
+                yield connected
+
+
+def _connect(cluster: Cluster) -> Client:
+    where = f"cluster.address = {cluster.address}"
+    try:
+        connected = Client(cluster.address)
+    except OSError:
+        raise DataError(f"{where}: no scheduler answers") from None
+    except TypeError:  # what distributed says of TLS without certificates
+        raise DataError(f"{where}: tls needs certificates in dask's own configuration") from None
+    try:
+        connected.wait_for_workers(1, timeout=_WORKER_TIMEOUT_S)
+    except TimeoutError:
+        connected.close()
+        raise DataError(f"{where}: the scheduler has no workers") from None
+    return connected
 
 
 def _start(cluster: Cluster):
     if cluster.kind == "slurm":
-        return slurm(cluster)
+        jobs = slurm(cluster)
+        jobs.scale(jobs=cluster.workers)
+        return jobs
     return LocalCluster(
         processes=cluster.kind == "processes",
         n_workers=cluster.workers if cluster.kind == "processes" else 1,
@@ -54,7 +98,7 @@ def _start(cluster: Cluster):
 
 
 def slurm(cluster: Cluster):
-    """SLURM jobs of workers.
+    """SLURM jobs of one worker each, none submitted yet.
 
     Raises
     ------
@@ -65,7 +109,7 @@ def slurm(cluster: Cluster):
         from dask_jobqueue.slurm import SLURMCluster
     except ImportError:
         raise DataError("cluster = slurm: needs dask-jobqueue, pip install -e '.[slurm]'") from None
-    jobs = SLURMCluster(
+    return SLURMCluster(
         queue=cluster.queue,
         account=cluster.account,
         cores=cluster.cores,
@@ -74,5 +118,3 @@ def slurm(cluster: Cluster):
         walltime=cluster.walltime,
         scheduler_options={"dashboard_address": None},
     )
-    jobs.scale(jobs=cluster.workers)
-    return jobs

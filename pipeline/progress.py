@@ -27,7 +27,7 @@ class CampaignProgress:
         self._name, self._total, self._before, self._done = name, total, done, done
         self._start = self._last_line = time.monotonic()
         self._bar = Progress(
-            TextColumn("{task.description}"),
+            TextColumn("{task.description}", markup=False),
             BarColumn(),
             MofNCompleteColumn(),
             TextColumn("runs  {task.fields[rate]:.0f} runs/s  left"),
@@ -58,7 +58,7 @@ class CampaignProgress:
 
     def say(self, text: str) -> None:
         """Print a line, above the bar if there is one."""
-        self._console.print(f"{self._name}: {text}", highlight=False, soft_wrap=True)
+        self._console.print(f"{self._name}: {text}", highlight=False, markup=False, soft_wrap=True)
 
     def advance(self, runs: int) -> None:
         """Count finished runs."""

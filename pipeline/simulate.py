@@ -6,6 +6,8 @@ Usage: ``python -m pipeline.simulate [schedule=...] [noise=...] [truth=...] [cam
 
 import json
 import time
+from contextlib import nullcontext
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -16,11 +18,11 @@ from inscal.experiment import Outcome, run_with_history
 from inscal.parameters import NAMES, UNITS
 from pipeline import store
 from pipeline.build import build_experiment, build_schedule, si_units, warnings
-from pipeline.cluster import client
+from pipeline.cluster import check, client
 from pipeline.config import Config, DataError, resolved, stage
 from pipeline.output import complain
 from pipeline.progress import CampaignProgress
-from pipeline.worker import attempt
+from pipeline.worker import attempt, share
 
 _FLUSH_INTERVAL_S = 2.0
 _QUEUED_PER_WORKER = 4
@@ -48,39 +50,42 @@ def simulate_campaign(config: Config) -> None:
     DataError
         If the store is another campaign's, or the cluster cannot be had.
     """
+    check(config.cluster)
     experiment = build_experiment(config)
     target = store.open_store(config, experiment.estimator.predicted_std / si_units(config))
     todo = batches(store.pending(target), config.campaign.batch)
     before = config.campaign.runs - sum(map(len, todo))
     name = Path(config.campaign.store).name
-    with CampaignProgress(config.campaign.runs, before, name) as progress:
-        if todo:
-            with client(config.cluster) as workers:
-                _fan_out(config, experiment, todo, target, workers, progress)
+    with (
+        client(config.cluster) if todo else nullcontext() as workers,
+        CampaignProgress(config.campaign.runs, before, name) as progress,
+    ):
+        if workers is not None:
+            _fan_out(config, experiment, todo, target, workers, progress)
 
 
 def _fan_out(config, experiment, todo, target, workers: Client, progress) -> None:
     """Keep every worker supplied, write what comes back, release it."""
-    shared = workers.scatter(experiment, broadcast=True, hash=False)
+    shared = workers.submit(share, experiment, pure=False)
     waiting = iter(todo)
     finished: list[tuple[list[int], Outcome]] = []
     flushed = time.monotonic()
     futures = as_completed(with_results=False)
     numbers = {}
 
-    def submit() -> None:
-        runs = next(waiting, None)
-        if runs is not None:
+    def supply() -> None:
+        # asked every time, since workers may join at any time
+        wanted = _QUEUED_PER_WORKER * max(1, sum(workers.nthreads().values()))
+        for runs in islice(waiting, max(0, wanted - len(numbers))):
             future = workers.submit(attempt, shared, runs, pure=False)
             numbers[future.key] = runs
             futures.add(future)
 
-    for _ in range(_QUEUED_PER_WORKER * max(1, sum(workers.nthreads().values()))):
-        submit()
+    supply()
     for future in futures:
         runs, outcome = numbers.pop(future.key), future.result()
         future.release()
-        submit()
+        supply()
         finished.append((runs, outcome))
         for failed in np.array(runs)[outcome.failed]:
             progress.say(
@@ -114,26 +119,33 @@ def history_dataset(config: Config) -> xr.Dataset:
     truth, estimate = outcome.truth[0] / unit, history.estimate[..., 0] / unit
     course = ("calibration_pass", "time", "parameter")
     observed = ("calibration_pass", "time", "observation")
+    per_parameter = {"units": "see coordinate unit"}
+    per_observation = {"units": "see coordinate observation_unit"}
     interval = config.estimator.update_interval_s
     gains = [experiment.estimator.gains(p) for p in passes]
     return xr.Dataset(
         {
-            "truth": ("parameter", truth),
-            "final_estimate": ("parameter", outcome.estimate[0] / unit),
-            "final_error": ("parameter", (outcome.estimate[0] / unit) - truth),
-            "estimate": (course, estimate),
-            "error": (course, estimate - truth),
-            "predicted_std": (course, np.array([g.parameter_std for g in gains]) / unit),
-            "innovation": (observed, history.innovation[..., 0]),
+            "truth": ("parameter", truth, per_parameter),
+            "final_estimate": ("parameter", outcome.estimate[0] / unit, per_parameter),
+            "final_error": ("parameter", outcome.estimate[0] / unit - truth, per_parameter),
+            "estimate": (course, estimate, per_parameter),
+            "error": (course, estimate - truth, per_parameter),
+            "predicted_std": (
+                course,
+                np.array([g.parameter_std for g in gains]) / unit,
+                per_parameter,
+            ),
+            "innovation": (observed, history.innovation[..., 0], per_observation),
             "innovation_std": (
                 observed,
                 np.sqrt(np.array([g.innovation_covariance for g in gains]).diagonal(0, 2, 3)),
+                per_observation,
             ),
-            "nees": outcome.nees[0],
+            "nees": ((), outcome.nees[0], {"units": "1"}),
         },
         coords={
             "calibration_pass": np.arange(1, len(passes) + 1),
-            "time": ("time", interval * np.arange(1, experiment.motion.updates + 1)),
+            "time": ("time", interval * np.arange(1, experiment.motion.updates + 1), {"units": "s"}),
             "parameter": np.array(NAMES, dtype=object),
             "unit": ("parameter", np.array(UNITS, dtype=object)),
             "observation": np.array(
@@ -141,13 +153,13 @@ def history_dataset(config: Config) -> xr.Dataset:
                 + [f"position_{d}" for d in ("north", "east", "height")],
                 dtype=object,
             ),
+            "observation_unit": ("observation", np.array(["m/s"] * 3 + ["m"] * 3, dtype=object)),
         },
         attrs={
             "run": number,
             "seed": config.campaign.seed,
             "positions": build_schedule(config).positions,
             "configuration": json.dumps(resolved(config)),
-            "note": "time in s; innovations in m/s and m; parameters in the units of `unit`",
         },
     )
 

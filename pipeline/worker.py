@@ -14,6 +14,15 @@ from inscal.simulation import Workspace
 _thread = threading.local()
 
 
+def share(experiment: Experiment) -> Experiment:
+    """Give the experiment back.
+
+    As the result of a task it is handed from worker to worker and made again if all that held it
+    are lost; data scattered to the workers would be lost with them.
+    """
+    return experiment
+
+
 def attempt(experiment: Experiment, runs: list[int]) -> Outcome:
     """Outcome of a batch; an exception costs the run it comes from and no other.
 

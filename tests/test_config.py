@@ -84,7 +84,7 @@ BAD = [
     (["site.height_m=-501"], "site.height_m = -501.0: must be"),
     (["simulation.dwell_step_s=0"], "simulation.dwell_step_s = 0.0: must be a finite number > 0"),
     (["simulation.turn_step_s=-0.1"], "simulation.turn_step_s = -0.1: must be"),
-    (["simulation.turn_step_s=2.51"], "simulation.turn_step_s = 2.51: must be at most 2.5"),
+    (["simulation.turn_step_s=1.41"], "simulation.turn_step_s = 1.41: must be at most 1.4"),
     (["estimator.passes=0"], "estimator.passes = 0: must be an integer from 1 to 10"),
     (["estimator.passes=11"], "estimator.passes = 11: must be an integer from 1 to 10"),
     (["estimator.update_interval_s=0"], "estimator.update_interval_s = 0.0: must be"),

@@ -15,14 +15,14 @@ def test_gravity_falls_with_height_as_in_free_air():
     assert gradient == pytest.approx(-3.086e-6, rel=1e-3)
 
 
-def test_gravity_above_the_equator_against_the_point_mass_with_j2():
-    # GM/r^2 (1 + 3/2 J2 (a/r)^2) - w^2 r on the equator; J2 of WGS-84
+def test_gravity_above_the_equator_against_spherical_harmonics():
+    # GM/r^2 (1 + 3/2 J2 (a/r)^2 - 15/8 J4 (a/r)^4) - w^2 r on the equator
     r = earth.SEMI_MAJOR_AXIS + 3000.0
-    j2 = 1.082629821e-3
+    j2, j4, ratio = 1.082629821e-3, -2.37091222e-6, earth.SEMI_MAJOR_AXIS / r
     attraction = earth.GRAVITATIONAL_CONSTANT / r**2
-    attraction *= 1 + 1.5 * j2 * (earth.SEMI_MAJOR_AXIS / r) ** 2
+    attraction *= 1 + 1.5 * j2 * ratio**2 - 1.875 * j4 * ratio**4
     expected = attraction - earth.EARTH_RATE**2 * r
-    assert earth.normal_gravity(0.0, 3000.0) == pytest.approx(expected, abs=3e-5)
+    assert earth.normal_gravity(0.0, 3000.0) == pytest.approx(expected, abs=5e-7)
 
 
 def test_radii_of_curvature_against_the_meridian_ellipse():

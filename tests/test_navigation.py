@@ -1,0 +1,118 @@
+import numpy as np
+import pytest
+from conftest import paper_schedule
+
+from inscal import earth, navigation
+from inscal.motion import Site, build_motion
+from inscal.navigation import advance, rotate_left, site_constants
+from inscal.rotation import skew
+
+SITE = Site(np.deg2rad(39.98), 50.0)
+SCHULER = np.sqrt(9.8 / 6.37e6)
+
+
+def still(attitude=None):
+    state = np.zeros((navigation.ROWS, 1))
+    state[:9, 0] = (np.eye(3) if attitude is None else attitude).ravel()
+    return state
+
+
+def at_rest(dt):
+    """Increments of a body at rest, aligned North, East, Down."""
+    angle = earth.earth_rate_ned(SITE.latitude) * dt
+    return angle, -earth.gravity_ned(SITE.latitude, SITE.height) * dt
+
+
+def test_stays_at_rest_through_every_turn_of_the_path():
+    # unaided and without feedback: the vertical channel grows rounding errors by e per 570 s
+    schedule = paper_schedule(25, position_duration=25.0)
+    for turn_step in (0.1, 1.0):
+        motion = build_motion(
+            schedule, SITE, update_interval=1.0, dwell_step=1.0, turn_step=turn_step
+        )
+        state = still(motion.initial_attitude)
+        for i in range(motion.steps):
+            advance(
+                state,
+                0,
+                0,
+                tuple(motion.angle[i]),
+                tuple(motion.velocity[i]),
+                motion.duration[i],
+                site_constants(SITE),
+            )
+        assert np.abs(state[9:12]).max() < 1e-8 * max(1.0, (turn_step / 0.1) ** 3)  # m/s
+
+
+def test_attitude_stays_orthonormal():
+    schedule = paper_schedule(6, position_duration=25.0)
+    motion = build_motion(schedule, SITE, update_interval=1.0, dwell_step=1.0, turn_step=0.05)
+    state = still(motion.initial_attitude)
+    for angle, velocity, dt in zip(motion.angle, motion.velocity, motion.duration, strict=True):
+        advance(state, 0, 0, tuple(angle), tuple(velocity), dt, site_constants(SITE))
+    c = state[:9, 0].reshape(3, 3)
+    np.testing.assert_allclose(c @ c.T, np.eye(3), atol=1e-13)
+
+
+def test_constant_acceleration_error_drives_a_schuler_oscillation():
+    dt, error = 1.0, 1e-4
+    angle, velocity = at_rest(dt)
+    state = still()
+    times = np.arange(1, 1801)
+    north = np.empty(len(times))
+    for k in range(len(times)):
+        advance(
+            state,
+            0,
+            0,
+            tuple(angle),
+            (velocity[0] + error * dt, velocity[1], velocity[2]),
+            dt,
+            site_constants(SITE),
+        )
+        state[11, 0], state[14, 0] = 0.0, 0.0  # height held
+        north[k] = state[9, 0]
+    # Earth rate couples north and east a little; within two per cent of the amplitude
+    expected = error / SCHULER * np.sin(SCHULER * times)
+    np.testing.assert_allclose(north, expected, atol=0.02 * error / SCHULER)
+
+
+def test_free_vertical_channel_is_unstable_with_the_known_time_constant():
+    angle, velocity = at_rest(1.0)
+    state = still()
+    state[14, 0] = 1e-3
+    heights = []
+    for _ in range(2400):
+        advance(state, 0, 0, tuple(angle), tuple(velocity), 1.0, site_constants(SITE))
+        heights.append(state[14, 0])
+    growth = np.log(heights[-1] / heights[1199]) / 1200.0
+    # a height error h brings 2 g h / R; the finite step adds half a per mille
+    assert 1.0 / growth == pytest.approx(1.0 / np.sqrt(3.086e-6), rel=0.01)
+
+
+def test_east_velocity_is_felt_as_coriolis_and_transport():
+    dt, speed = 0.1, 10.0
+    angle, velocity = at_rest(dt)
+    state = still()
+    state[10, 0] = speed
+    advance(state, 0, 0, tuple(angle), tuple(velocity), dt, site_constants(SITE))
+    sin_lat, cos_lat = np.sin(SITE.latitude), np.cos(SITE.latitude)
+    _, prime_vertical = earth.radii_of_curvature(sin_lat)
+    radius = prime_vertical + SITE.height
+    north = -(2 * earth.EARTH_RATE * sin_lat + speed * sin_lat / cos_lat / radius) * speed
+    # the attitude has turned against the frame by the transport rate, which tilts gravity north
+    up = (2 * earth.EARTH_RATE * cos_lat + speed / radius) * speed
+    assert state[9, 0] / dt == pytest.approx(north, rel=1e-3)
+    assert state[11, 0] / dt == pytest.approx(-up, rel=1e-3)
+    assert state[13, 0] == pytest.approx(speed * dt / radius / cos_lat, rel=1e-4)
+
+
+def test_rotate_left_is_the_matrix_exponential():
+    state = still(np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]], dtype=float))
+    before = state[:9, 0].reshape(3, 3).copy()
+    phi = np.array([1e-3, -2e-3, 3e-3])
+    rotate_left(state, 0, 0, tuple(phi))
+    first_and_second = np.eye(3) + skew(phi) + skew(phi) @ skew(phi) / 2
+    np.testing.assert_allclose(
+        state[:9, 0].reshape(3, 3), first_and_second @ before, atol=1e-8
+    )
