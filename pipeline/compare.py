@@ -78,6 +78,8 @@ def main(config: Config) -> None:
     for key in ("a", "b"):
         if getattr(config, key) is None:
             raise ConfigError(f"{key} = null: must be the path of a campaign store")
+    if config.out and Path(config.out).suffix == ".json":
+        raise ConfigError(f"out = {config.out!r}: must be a CSV file; the JSON file goes beside it")
     result = comparison_of(config.a or "", config.b or "")
     print_comparison(result)
     default = _FOLDER / f"{result.attrs['a']}-over-{result.attrs['b']}.csv"

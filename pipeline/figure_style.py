@@ -7,6 +7,8 @@ from typing import Any
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from inscal.parameters import KIND_OF, KINDS, NAMES
 from pipeline.config import DataError
@@ -111,6 +113,23 @@ def draw_rows(axes: Axes, margin_texts: Sequence[str] = ()) -> None:
     axes.set_yticks(rows, [label(index) for index in ORDER])
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(rows[-1] + 0.8, rows[0] - 0.8)
+
+
+def handle(text: str, **look: Any) -> Line2D:
+    """Make an entry of a legend."""
+    return Line2D([], [], label=text, **look)
+
+
+def plain_numbers() -> FuncFormatter:
+    """Format ticks as 0.1 and 1 where matplotlib would write powers of ten."""
+    return FuncFormatter(lambda value, _: f"{value:g}")
+
+
+def log_ticks(axes: Axes, ticks: Sequence[float]) -> None:
+    """Put the ticks of a logarithmic x axis at round numbers between the powers of ten."""
+    axes.xaxis.set_major_locator(FixedLocator(ticks))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(plain_numbers())
 
 
 def save(figure: Figure, path: str | Path) -> None:

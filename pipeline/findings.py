@@ -30,6 +30,7 @@ RATIO_BAND = (0.93, 1.10)
 _RATIO_CEILING = 1.25
 _RATIO_EXCEPTIONS = 2  # parameters that may leave the band
 _NEES_BAND = (26.0, 28.5)
+_SAME_TIME_PERCENT = 0.1  # a smaller difference is rounding of the position time
 ENOUGH = 0.99
 """Share of runs from which on a bound counts as met."""
 
@@ -129,9 +130,9 @@ def least_within(summary: Summary) -> str:
 def honesty(summary: Summary) -> str:
     """Verdict on the filter's covariance: the mean NEES against its 95 % interval."""
     if summary["nees_mean"] > summary["nees_upper"]:
-        return "dishonest: overconfident"
+        return "dishonest (overconfident)"
     if summary["nees_mean"] < summary["nees_lower"]:
-        return "dishonest: too cautious"
+        return "dishonest (too cautious)"
     return "honest"
 
 
@@ -223,3 +224,24 @@ def contest(comparison: Summary) -> Contest:
         better=tuple(name for name, row in table.items() if row["simultaneous_upper"] < 1.0),
         time_saved_percent=100.0 * (1.0 - duration_a / duration_b),
     )
+
+
+def contest_verdict(result: Contest) -> str:
+    """Say in one sentence which schedule wins, by how much and at what cost."""
+    worse, better = len(result.worse), len(result.better)
+    if worse == better:
+        winner = "neither schedule is better on the whole"
+    else:
+        winner = f"{25 if worse > better else 19} positions are better"
+        winner += " on balance, not throughout" if worse and better else ""
+    return (
+        f"{winner} ({time_text(result.time_saved_percent)}): {worse} parameters significantly "
+        f"worse with 19, {better} better, median RMSE ratio {result.median:.2f}."
+    )
+
+
+def time_text(saved_percent: float) -> str:
+    """Say what 19 positions cost next to 25."""
+    if abs(saved_percent) < _SAME_TIME_PERCENT:
+        return "the same time"
+    return f"19 {'save' if saved_percent > 0 else 'cost'} {abs(saved_percent):.0f} % of the time"

@@ -75,12 +75,14 @@ def open_store(config: Config, predicted_std: np.ndarray) -> zarr.Group:
     ------
     DataError
         If something else is in the way: other files, or a store of another configuration, unless
-        `campaign.replace` allows to delete the latter.
+        `campaign.replace` allows to delete the latter; or if it cannot be written.
     """
     path = Path(config.campaign.store)
     if path.exists():
         found = _attributes(path)
         if found.get("fingerprint") == fingerprint(config):
+            for leftover in path.rglob("*.partial"):  # of a write that was killed
+                leftover.unlink()
             return zarr.open_group(path, mode="r+")
         if not config.campaign.replace:
             raise DataError(
@@ -88,10 +90,14 @@ def open_store(config: Config, predicted_std: np.ndarray) -> zarr.Group:
                 "choose another path, delete it, or allow it with campaign.replace=true"
             )
         shutil.rmtree(path)
-    unfinished = path.with_name(path.name + ".new")
-    shutil.rmtree(unfinished, ignore_errors=True)
-    _template(config, predicted_std, unfinished)
-    unfinished.rename(path)
+    # hidden, for a campaign of the user's may be called anything
+    unfinished = path.with_name(f".{path.name}.new")
+    try:
+        shutil.rmtree(unfinished, ignore_errors=True)
+        _template(config, predicted_std, unfinished)
+        unfinished.rename(path)
+    except OSError as error:
+        raise DataError(f"campaign.store = {path}: cannot be written ({error.strerror})") from None
     return zarr.open_group(path, mode="r+")
 
 
@@ -148,7 +154,7 @@ def _template(config: Config, predicted_std: np.ndarray, path: Path) -> None:
             "unit": ("parameter", np.array(UNITS, dtype=object)),
         },
         attrs={
-            "title": f"inscal campaign {path.name.removesuffix('.new')}",
+            "title": f"inscal campaign {Path(config.campaign.store).name}",
             "fingerprint": fingerprint(config),
             "seed": config.campaign.seed,
             "configuration": resolved(config),
