@@ -172,47 +172,55 @@ def _run_pass(
     do not overlap and keeps the lane loops free of run-time checks.
     """
     state = np.empty((_ROWS, LANES))
-    state[:] = start
     innovation = np.empty((_OBSERVED, LANES))
     correction = np.empty((NAVIGATION, LANES))
+    for j in range(LANES):
+        for i in range(_ROWS):
+            state[i, j] = start[i, j]
+    keep = len(estimate_history) > 0
     for k in range(len(update_step) - 1):
         for s in range(update_step[k], update_step[k + 1]):
-            _navigate(state, sensors[s], duration[s], site)
-        _innovate(state, observations[k], metres, innovation)
-        _correct(state, gain[k], innovation, correction, metres)
-        if len(estimate_history) > 0:
-            estimate_history[k] = state[:COUNT]
-            innovation_history[k] = innovation
-    start[:] = state
+            _navigate(state, sensors, s, duration[s], site)
+        _innovate(state, observations, k, metres, innovation)
+        _correct(state, gain, k, innovation, correction, metres)
+        if keep:
+            for j in range(LANES):
+                for i in range(COUNT):
+                    estimate_history[k, i, j] = state[i, j]
+                for i in range(_OBSERVED):
+                    innovation_history[k, i, j] = innovation[i, j]
+    for j in range(LANES):
+        for i in range(_ROWS):
+            start[i, j] = state[i, j]
 
 
 @njit(**INLINE)
-def _navigate(state, increments, dt, site):
+def _navigate(state, sensors, s, dt, site):
     for j in range(LANES):
-        angle = (increments[0, j], increments[1, j], increments[2, j])
-        velocity = (increments[3, j], increments[4, j], increments[5, j])
+        angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
+        velocity = (sensors[s, 3, j], sensors[s, 4, j], sensors[s, 5, j])
         angle, velocity = compensate(state, j, angle, velocity, dt)
         advance(state, _NAV, j, angle, velocity, dt, site)
 
 
 @njit(**INLINE)
-def _innovate(state, observation, metres, innovation):
+def _innovate(state, observations, k, metres, innovation):
     for i in range(3):
         for j in range(LANES):
-            innovation[i, j] = state[_NAV + 9 + i, j] - observation[i, j]
+            innovation[i, j] = state[_NAV + 9 + i, j] - observations[k, i, j]
         for j in range(LANES):
-            innovation[3 + i, j] = state[_NAV + 12 + i, j] * metres[i] - observation[3 + i, j]
+            innovation[3 + i, j] = state[_NAV + 12 + i, j] * metres[i] - observations[k, 3 + i, j]
 
 
 @njit(**INLINE)
-def _correct(state, gain, innovation, correction, metres):
+def _correct(state, gain, k, innovation, correction, metres):
     """Feed back: navigation errors are navigated minus true, constants true minus estimated."""
     for i in range(NAVIGATION):
         for j in range(LANES):
-            correction[i, j] = _product(gain, i, innovation, j)
+            correction[i, j] = _product(gain, k, i, innovation, j)
     for i in range(CONSTANTS):
         for j in range(LANES):
-            state[i, j] += _product(gain, NAVIGATION + i, innovation, j)
+            state[i, j] += _product(gain, k, NAVIGATION + i, innovation, j)
     for j in range(LANES):
         rotate_left(state, _NAV, j, (correction[0, j], correction[1, j], correction[2, j]))
     for i in range(3):
@@ -222,12 +230,12 @@ def _correct(state, gain, innovation, correction, metres):
 
 
 @njit(**INLINE)
-def _product(gain, row, innovation, j):
+def _product(gain, k, row, innovation, j):
     return (
-        gain[row, 0] * innovation[0, j]
-        + gain[row, 1] * innovation[1, j]
-        + gain[row, 2] * innovation[2, j]
-        + gain[row, 3] * innovation[3, j]
-        + gain[row, 4] * innovation[4, j]
-        + gain[row, 5] * innovation[5, j]
+        gain[k, row, 0] * innovation[0, j]
+        + gain[k, row, 1] * innovation[1, j]
+        + gain[k, row, 2] * innovation[2, j]
+        + gain[k, row, 3] * innovation[3, j]
+        + gain[k, row, 4] * innovation[4, j]
+        + gain[k, row, 5] * innovation[5, j]
     )

@@ -45,12 +45,10 @@ def normal_gravity(sin_latitude, height):
         Gravity along the ellipsoid's inner normal, m/s^2.
     """
     s2 = sin_latitude * sin_latitude
-    surface = (
-        EQUATORIAL_GRAVITY * (1.0 + _SOMIGLIANA_K * s2) / np.sqrt(1.0 - ECCENTRICITY_SQUARED * s2)
-    )
-    ratio = height / SEMI_MAJOR_AXIS
+    surface = EQUATORIAL_GRAVITY * (1.0 + _SOMIGLIANA_K * s2) * _per_w(sin_latitude)
+    ratio = height * (1.0 / SEMI_MAJOR_AXIS)
     return surface * (
-        1.0 - 2.0 * (1.0 + FLATTENING + _GRAVITY_M - 2.0 * FLATTENING * s2) * ratio + 3.0 * ratio**2
+        1.0 - 2.0 * (1.0 + FLATTENING + _GRAVITY_M - 2.0 * FLATTENING * s2) * ratio + 3.0 * ratio * ratio
     )
 
 
@@ -69,9 +67,15 @@ def radii_of_curvature(sin_latitude):
         Radii, m (Groves, Principles of GNSS, Inertial, and Multisensor Integrated Navigation
         Systems, 2nd ed., eqs. 2.105 and 2.106).
     """
-    w2 = 1.0 - ECCENTRICITY_SQUARED * sin_latitude * sin_latitude
-    prime_vertical = SEMI_MAJOR_AXIS / np.sqrt(w2)
-    return prime_vertical * (1.0 - ECCENTRICITY_SQUARED) / w2, prime_vertical
+    per_w = _per_w(sin_latitude)
+    prime_vertical = SEMI_MAJOR_AXIS * per_w
+    return prime_vertical * (1.0 - ECCENTRICITY_SQUARED) * per_w * per_w, prime_vertical
+
+
+@njit(**INLINE)
+def _per_w(sin_latitude):
+    """One over sqrt(1 - e^2 sin^2 L), which gravity and both radii share."""
+    return 1.0 / np.sqrt(1.0 - ECCENTRICITY_SQUARED * sin_latitude * sin_latitude)
 
 
 def earth_rate_ned(latitude: float) -> np.ndarray:

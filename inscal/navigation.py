@@ -70,9 +70,13 @@ def advance(state, row, j, angle, velocity, dt, site):
     sin_lat = site[0] * cos_o + site[1] * sin_o
     cos_lat = site[1] * cos_o - site[0] * sin_o
     meridian, prime_vertical = earth.radii_of_curvature(sin_lat)
-    per_n, per_e = 1.0 / (meridian + height), 1.0 / (prime_vertical + height)
+    radius_n, radius_e = meridian + height, prime_vertical + height
+    # three reciprocals for the price of one division
+    inverse = 1.0 / (radius_n * radius_e * cos_lat)
+    per_n, per_e = inverse * radius_e * cos_lat, inverse * radius_n * cos_lat
+    per_cos = inverse * radius_n * radius_e
     ie = (earth.EARTH_RATE * cos_lat, 0.0, -earth.EARTH_RATE * sin_lat)
-    en = (v[1] * per_e, -v[0] * per_n, -v[1] * per_e * sin_lat / cos_lat)
+    en = (v[1] * per_e, -v[0] * per_n, -v[1] * per_e * sin_lat * per_cos)
 
     c = (
         (state[at, j], state[at + 1, j], state[at + 2, j]),
@@ -117,7 +121,7 @@ def advance(state, row, j, angle, velocity, dt, site):
     )
     state[vel, j], state[vel + 1, j], state[vel + 2, j] = n
     state[pos, j] = offset + 0.5 * (v[0] + n[0]) * per_n * dt
-    state[pos + 1, j] += 0.5 * (v[1] + n[1]) * per_e / cos_lat * dt
+    state[pos + 1, j] += 0.5 * (v[1] + n[1]) * per_e * per_cos * dt
     state[pos + 2, j] -= 0.5 * (v[2] + n[2]) * dt
 
 

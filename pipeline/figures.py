@@ -16,17 +16,12 @@ from pipeline.summarize import summary_of
 
 FOLDER = Path("results/figures")
 
-_RUNS = Path("results/runs")
 _NOISES = ("quiet", "reference", "noisy")
-_COMPARISON_TITLES = {
-    findings.EQUAL_POSITION_TIME: "equal position time",
-    findings.EQUAL_TOTAL_TIME: "equal total time",
-}
 
 
 def load(config: Config, name: str) -> Campaign:
     """Load a campaign by the name of its store; DataError if it is missing or empty."""
-    path = _RUNS / name
+    path = findings.RUNS / name
     summary = summary_of(config, path)
     campaign = store.read(path)
     done = campaign.isel(run=(campaign["status"] == DONE).to_numpy())
@@ -50,7 +45,7 @@ def draw_all(config: Config) -> dict[str, Figure]:
     reference = noises["reference"]
     passes = {1: load(config, findings.ONE_PASS), 2: reference}
     comparisons = {
-        title: findings.read_comparison(name) for name, title in _COMPARISON_TITLES.items()
+        title: findings.read_comparison(name) for name, title in findings.COMPARISONS.items()
     }
     noise = reference.configuration["noise"]
     return {

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pipeline import store
 from pipeline.config import DataError
 
-SUMMARIES = Path("results/summary")
-COMPARISONS = Path("results/comparison")
+RUNS = Path("results/runs")
+"""Folder of the campaign stores."""
 
 MAIN = "position25-reference"
 ONE_PASS = "position25-reference-one_pass"
@@ -24,15 +25,37 @@ PAPER_TRUTH = "position25-quiet-paper_truth"
 EQUAL_POSITION_TIME = "equal_position_time"
 EQUAL_TOTAL_TIME = "equal_total_time"
 
+CAMPAIGNS: tuple[str, ...] = (
+    "position25-quiet",
+    MAIN,
+    "position25-noisy",
+    "position19-quiet",
+    "position19-reference",
+    "position19-noisy",
+    "position19_equal_time-reference",
+    ONE_PASS,
+    PAPER_TRUTH,
+)
+"""Campaigns reported on, first those of each schedule and noise."""
+
+COMPARISONS: dict[str, str] = {
+    EQUAL_POSITION_TIME: "Equal position time",
+    EQUAL_TOTAL_TIME: "Equal total time",
+}
+"""Comparisons reported on, and their headings."""
+
 RATIO_BAND = (0.93, 1.10)
 """RMSE over predicted standard deviation of a parameter whose sigma is honest."""
 
+ENOUGH = 0.99
+"""Share of runs from which on a bound counts as met."""
+
+_SUMMARY_FOLDER = Path("results/summary")
+_COMPARISON_FOLDER = Path("results/comparison")
 _RATIO_CEILING = 1.25
 _RATIO_EXCEPTIONS = 2  # parameters that may leave the band
 _NEES_BAND = (26.0, 28.5)
 _SAME_TIME_PERCENT = 0.1  # a smaller difference is rounding of the position time
-ENOUGH = 0.99
-"""Share of runs from which on a bound counts as met."""
 
 Summary = Mapping[str, Any]
 
@@ -96,12 +119,50 @@ def read_json(path: str | Path, stage: str) -> dict[str, Any]:
 
 def read_summary(name: str) -> dict[str, Any]:
     """Read the summary of a campaign; DataError if there is none."""
-    return read_json(SUMMARIES / f"{name}.json", "summarize")
+    return read_json(_SUMMARY_FOLDER / f"{name}.json", "summarize")
 
 
 def read_comparison(name: str) -> dict[str, Any]:
     """Read a comparison; DataError if there is none."""
-    return read_json(COMPARISONS / f"{name}.json", "compare")
+    return read_json(_COMPARISON_FOLDER / f"{name}.json", "compare")
+
+
+@dataclass(frozen=True)
+class Results:
+    """All a report is made of.
+
+    Attributes
+    ----------
+    summaries : mapping of str to summary
+        By name of campaign, `CAMPAIGNS` at least.
+    comparisons : mapping of str to comparison
+        By the keys of `COMPARISONS`.
+    configuration : mapping
+        Configuration of campaign `MAIN`.
+    """
+
+    summaries: Mapping[str, Summary]
+    comparisons: Mapping[str, Summary]
+    configuration: Mapping[str, Any]
+
+
+def collect() -> Results:
+    """Read what the report is made of.
+
+    Returns
+    -------
+    Results
+
+    Raises
+    ------
+    DataError
+        If a summary, a comparison or the store of `MAIN` is missing.
+    """
+    return Results(
+        {name: read_summary(name) for name in CAMPAIGNS},
+        {name: read_comparison(name) for name in COMPARISONS},
+        store.read(RUNS / MAIN).attrs["configuration"],
+    )
 
 
 def ratios(summary: Summary) -> dict[str, float]:
@@ -129,11 +190,10 @@ def least_within(summary: Summary) -> str:
 
 def honesty(summary: Summary) -> str:
     """Verdict on the filter's covariance: the mean NEES against its 95 % interval."""
-    if summary["nees_mean"] > summary["nees_upper"]:
-        return "dishonest (overconfident)"
-    if summary["nees_mean"] < summary["nees_lower"]:
-        return "dishonest (too cautious)"
-    return "honest"
+    if summary["nees_lower"] <= summary["nees_mean"] <= summary["nees_upper"]:
+        return "honest"
+    too_large = summary["nees_mean"] > summary["nees_upper"]
+    return f"dishonest ({'overconfident' if too_large else 'too cautious'})"
 
 
 def dishonest_parameters(summary: Summary) -> list[str]:

@@ -168,7 +168,9 @@ def _draw_distribution(axes: Axes, campaign: Campaign, index: int) -> None:
     bound = float(campaign.summary["bound"][index])
     view = 1.05 * max(np.abs(error).max(), 4.0 * sigma)
     edges = np.linspace(-view, view, _BINS + 1)
-    axes.hist(error, edges, density=True, color=style.PASS_COLORS[campaign.passes], alpha=_FILL)
+    axes.hist(
+        error, edges.tolist(), density=True, color=style.PASS_COLORS[campaign.passes], alpha=_FILL
+    )
     if sigma > 0.0:
         x = np.linspace(-view, view, 201)
         axes.plot(x, stats.norm.pdf(x, scale=sigma), color=style.PREDICTION_COLOR)
@@ -267,7 +269,7 @@ def nees(campaigns: Mapping[int, Campaign]) -> Figure:
         weights = np.full(len(values), 1.0 / (len(values) * (edges[1] - edges[0])))
         axes.hist(
             values,
-            edges,
+            edges.tolist(),
             weights=weights,
             color=style.PASS_COLORS[passes],
             alpha=_FILL,

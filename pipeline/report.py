@@ -6,38 +6,18 @@ numbers by a rule of `pipeline.findings`.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from inscal.parameters import KIND_OF, KINDS, NAMES
-from pipeline import findings, store
+from pipeline import findings
 from pipeline import markdown as md
 from pipeline.checks import KIND_KEYS
 from pipeline.config import Config, stage
-from pipeline.findings import MAIN, ONE_PASS, Summary
+from pipeline.findings import CAMPAIGNS, COMPARISONS, MAIN, ONE_PASS, Results, Summary
 from pipeline.output import write_text
 
 PATH = Path("results/report.md")
-
-CAMPAIGNS: tuple[str, ...] = (
-    "position25-quiet",
-    MAIN,
-    "position25-noisy",
-    "position19-quiet",
-    "position19-reference",
-    "position19-noisy",
-    "position19_equal_time-reference",
-    ONE_PASS,
-    findings.PAPER_TRUTH,
-)
-"""Campaigns reported on."""
-
-COMPARISONS: dict[str, str] = {
-    findings.EQUAL_POSITION_TIME: "Equal position time",
-    findings.EQUAL_TOTAL_TIME: "Equal total time",
-}
-"""Comparisons reported on, and their headings."""
 
 _BY_NOISE = CAMPAIGNS[:6]
 _QUADRATIC_TEXTS = {
@@ -49,44 +29,6 @@ _TRUTH_TEXTS = {
     "uniform": "Each run draws its sensor errors uniformly between minus and plus the limit",
     "fixed": "All runs have the same sensor errors",
 }
-
-
-@dataclass(frozen=True)
-class Results:
-    """All a report is made of.
-
-    Attributes
-    ----------
-    summaries : mapping of str to summary
-        By name of campaign, `CAMPAIGNS` at least.
-    comparisons : mapping of str to comparison
-        By the keys of `COMPARISONS`.
-    configuration : mapping
-        Configuration of campaign `MAIN`.
-    """
-
-    summaries: Mapping[str, Summary]
-    comparisons: Mapping[str, Summary]
-    configuration: Mapping[str, Any]
-
-
-def collect() -> Results:
-    """Read what the report is made of.
-
-    Returns
-    -------
-    Results
-
-    Raises
-    ------
-    DataError
-        If a summary, a comparison or the store of `MAIN` is missing.
-    """
-    return Results(
-        {name: findings.read_summary(name) for name in CAMPAIGNS},
-        {name: findings.read_comparison(name) for name in COMPARISONS},
-        store.read(Path("results/runs") / MAIN).attrs["configuration"],
-    )
 
 
 def report_text(results: Results) -> str:
@@ -167,7 +109,8 @@ def _simulated(results: Results) -> str:
             f"The campaign {md.code(MAIN)}; the others differ in what their names say.",
             md.bullets(lines),
             _kinds_table(results),
-            "Noise, of simulation and filter alike:",
+            "Noise, of simulation and filter alike: what follows holds where the filter knows its "
+            "noise, and says nothing of errors outside the model.",
             _noise_table(summaries),
         )
     )
@@ -237,8 +180,8 @@ def _campaigns(summaries: Mapping[str, Summary]) -> str:
             "## All campaigns",
             md.table(headings, [_campaign_row(n, s) for n, s in summaries.items()], 1),
             "In parentheses: 95 % intervals; for the NEES, where the mean lies in 95 of 100 "
-            "campaigns of an honest filter. Farthest from 1: the largest deviation of RMSE from "
-            "the predicted sigma. It has to be read as the extreme of its row.",
+            "campaigns of an honest filter. The ratio farthest from 1 is an extreme of all "
+            "parameters: of as many 95 % intervals some miss by chance alone.",
         )
     )
 
@@ -402,7 +345,7 @@ def _joint(summary: Summary) -> str:
 @stage
 def main(config: Config) -> None:
     """Write the report."""
-    write_text(PATH, report_text(collect()))
+    write_text(PATH, report_text(findings.collect()))
     print(PATH)
 
 

@@ -60,7 +60,7 @@ def summary_of(config: Config, path: str | Path) -> xr.Dataset:
         schedule=configuration["schedule"]["name"],
         noise=configuration["noise"],
         quadratic_unit=configuration["sensor"]["quadratic_unit"],
-        runs_failed=[int(r) for r in campaign.run[campaign.status == store.FAILED]],
+        failed_runs=[int(r) for r in campaign.run[campaign.status == store.FAILED]],
     )
 
 

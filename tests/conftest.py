@@ -3,10 +3,15 @@
 import dataclasses
 
 import pytest
+from hypothesis import settings
 
 from inscal.schedule import Schedule
 from pipeline.build import build_schedule
 from pipeline.config import load
+
+# compilation happens in the middle of an example; examples are the same in every run
+settings.register_profile("inscal", deadline=None, derandomize=True)
+settings.load_profile("inscal")
 
 
 def paper_schedule(positions: int = 25, position_duration: float = 500.0) -> Schedule:

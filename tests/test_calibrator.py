@@ -19,7 +19,7 @@ SIZE = parameters.paper_truth() * parameters.si_units(1673.84e-9)
 STD = InitialStd(np.deg2rad([0.1, 0.1, 0.5]), 0.01, 1.0, SIZE)
 
 
-def motion_of(schedule, turn_step=0.1, dwell_step=1.0):
+def motion_of(schedule, turn_step=0.5, dwell_step=1.0):
     return build_motion(
         schedule, SITE, update_interval=1.0, dwell_step=dwell_step, turn_step=turn_step
     )
@@ -42,7 +42,7 @@ def perfect_record(motion):
     )
 
 
-@pytest.mark.parametrize("turn_step", [0.01, 0.1])
+@pytest.mark.parametrize("turn_step", [0.01, 0.5])
 def test_no_errors_and_no_noise_stay_at_rest_for_the_whole_path(turn_step):
     schedule = paper_schedule()
     motion, estimator = motion_of(schedule, turn_step), estimator_of(schedule)
@@ -71,7 +71,7 @@ def test_aggregated_steps_against_full_rate():
     schedule = paper_schedule(8, position_duration=40.0)
     fine, coarse = motion_of(schedule, 0.01, 0.01), motion_of(schedule)
     assert fine.steps == 32_000
-    assert coarse.steps < 1300
+    assert coarse.steps < 420
     rng = np.random.default_rng(2)
     truth = SIZE[:, None] * rng.standard_normal((27, LANES))
     record = simulate(
@@ -82,7 +82,7 @@ def test_aggregated_steps_against_full_rate():
     less = calibrate(aggregate(record, fine, coarse), coarse, SITE, estimator)
     sigma = estimator.predicted_std[:, None]
     assert (np.abs(full - truth) / sigma).mean() > 0.5  # there are errors to compare
-    assert (np.abs(full - less) / sigma).max() < 0.02
+    assert (np.abs(full - less) / sigma).max() < 0.05
 
 
 def test_second_pass_removes_what_the_first_leaves():

@@ -1,0 +1,79 @@
+"""Small campaigns and stages run in this process, for the tests that need a store."""
+
+import io
+import sys
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+
+from pipeline import store
+from pipeline.config import load
+from pipeline.simulate import simulate_campaign
+
+SHORT = (
+    "schedule.position_duration_s=40",
+    "schedule.rotations=[[90,Y],[180,Y],[90,X]]",
+    "campaign.runs=30",
+)
+"""A path that takes a millisecond per run; with it not all parameters can be told apart."""
+
+
+def short(path, *overrides):
+    return load([*SHORT, f"campaign.store={path}", *overrides])
+
+
+def make(path, *overrides):
+    """Make a small campaign and return its path."""
+    simulate_campaign(short(path, *overrides))
+    return path
+
+
+def files(path):
+    """Bytes of a store's files but for the root attributes, which name path and batch."""
+    return {
+        str(file.relative_to(path)): file.read_bytes()
+        for file in Path(path).rglob("*")
+        if file.is_file() and file != Path(path) / "zarr.json"
+    }
+
+
+def assert_same_store(a, b):
+    left, right = store.read(a), store.read(b)
+    for name in left.variables:
+        assert left[name].dtype == right[name].dtype
+        if left[name].dtype.kind == "T":
+            assert left[name].values.tolist() == right[name].values.tolist()
+        else:
+            assert np.array(left[name]).tobytes() == np.array(right[name]).tobytes(), name
+    assert files(a) == files(b)
+
+
+@dataclass
+class Ended:
+    code: int
+    out: str
+    err: str
+
+
+def run_stage(module, *overrides):
+    """Run a stage's main function as its command line would, and return how it ended."""
+    out, err = io.StringIO(), io.StringIO()
+    code = 0
+    with (
+        mock.patch.object(sys, "argv", [module.__name__, *overrides]),
+        redirect_stdout(out),
+        redirect_stderr(err),
+    ):
+        try:
+            module.main()
+        except SystemExit as stop:
+            code = stop.code
+    return Ended(code, out.getvalue(), err.getvalue())
+
+
+def error_lines(ended):
+    """Lines on standard error without the warnings about a short path."""
+    return [line for line in ended.err.splitlines() if not line.startswith("warning: schedule")]

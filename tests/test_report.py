@@ -1,0 +1,241 @@
+import copy
+import json
+import re
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from inscal.parameters import COUNT, NAMES, UNITS, paper_bounds
+from inscal.summary import compare, summarize
+from pipeline import figure_style, figures, findings, plots, report
+from pipeline.config import DataError, load, resolved
+from pipeline.findings import MAIN, ONE_PASS, PAPER_TRUTH, Results
+from pipeline.plots import Campaign
+from pipeline.summarize import as_json
+
+BOUND = xr.DataArray(paper_bounds(), {"parameter": list(NAMES)})
+SIGMA = paper_bounds() / 5.0
+RUNS = 60
+CONFIGURATION = resolved(load([]))
+
+
+def campaign(seed=1, scale=1.0):
+    """Campaign of normal errors, `scale` times as large as predicted."""
+    error = scale * SIGMA * np.random.default_rng(seed).standard_normal((RUNS, COUNT))
+    truth = np.ones((RUNS, COUNT))
+    return xr.Dataset(
+        {
+            "truth": (("run", "parameter"), truth),
+            "estimate": (("run", "parameter"), truth + error),
+            "error": (("run", "parameter"), error),
+            "predicted_std": ("parameter", SIGMA.copy()),
+            "nees": ("run", np.square(error / SIGMA).sum(axis=1)),
+            "status": ("run", np.ones(RUNS, np.int8)),
+        },
+        {
+            "run": np.arange(RUNS),
+            "parameter": np.array(NAMES, dtype=object),
+            "unit": ("parameter", np.array(UNITS, dtype=object)),
+        },
+        {"configuration": CONFIGURATION, "seed": 1, "fingerprint": "none"},
+    )
+
+
+def summary_of(dataset, noise="reference"):
+    summary = summarize(dataset, BOUND)
+    return summary.assign_attrs(noise=CONFIGURATION["noise"] | {"name": noise}, seed=1)
+
+
+def comparison_of(scale_a, durations=(9500.0, 12500.0)):
+    # RMSEs of independent draws of a ratio of about `scale_a`
+    result = compare(campaign(2, scale_a), campaign(1), resamples=100, seed=1)
+    result = result.assign_attrs(a="position19-reference", b=MAIN, duration_s=list(durations))
+    return json.loads(as_json(result))
+
+
+@pytest.fixture(scope="module")
+def prototype():
+    """Results in which all is well, but for the single pass."""
+    honest = json.loads(as_json(summary_of(campaign())))
+    summaries = {name: copy.deepcopy(honest) for name in findings.CAMPAIGNS}
+    summaries[ONE_PASS] = json.loads(as_json(summary_of(campaign(scale=2.0))))
+    for summary in summaries.values():
+        for row in summary["parameters"].values():
+            row["rmse_over_predicted"] = 1.0 if summary is not summaries[ONE_PASS] else 2.0
+    comparisons = {
+        findings.EQUAL_POSITION_TIME: comparison_of(3.0),
+        findings.EQUAL_TOTAL_TIME: comparison_of(3.0, (12502.0, 12500.0)),
+    }
+    return Results(summaries, comparisons, CONFIGURATION)
+
+
+@pytest.fixture
+def results(prototype):
+    return copy.deepcopy(prototype)
+
+
+def section(text, heading):
+    return text.split(f"## {heading}\n")[1].split("\n## ")[0]
+
+
+def verdicts(results):
+    return [check.met for check in findings.checks(results.summaries)]
+
+
+def test_report_is_the_same_text_each_time_and_links_every_figure(results):
+    text = report.report_text(results)
+    assert text == report.report_text(copy.deepcopy(results))
+    assert "nan" not in text
+    campaign_ = Campaign(campaign(), summary_of(campaign()), CONFIGURATION)
+    drawn = draw_everything(campaign_, results.comparisons)
+    assert set(re.findall(r"\(figures/(.*?)\)", text)) == {f"{name}.png" for name in drawn}
+
+
+def test_all_requirements_met(results):
+    assert verdicts(results) == [True, True, True]
+    text = report.report_text(results)
+    assert "Requirements met: 3 of 3" in text
+    assert "not met" not in section(text, "Requirements")
+
+
+@pytest.mark.parametrize(
+    ("deviant", "ratio", "met"),
+    [(2, 1.2, True), (3, 1.2, False), (3, 0.9, False), (1, 1.26, False), (27, 1.1, True)],
+)
+def test_ratio_requirement_counts_the_parameters_that_leave_the_band(results, deviant, ratio, met):
+    for name in NAMES[:deviant]:
+        results.summaries[MAIN]["parameters"][name]["rmse_over_predicted"] = ratio
+    assert verdicts(results) == [met, True, True]
+
+
+@pytest.mark.parametrize(("mean", "met"), [(25.9, False), (26.1, True), (28.6, False)])
+def test_nees_requirement(results, mean, met):
+    results.summaries[MAIN]["nees_mean"] = mean
+    assert verdicts(results) == [True, met, True]
+    assert ("**not met**" in report.report_text(results)) == (not met)
+
+
+def test_joint_requirement(results):
+    results.summaries[PAPER_TRUTH]["joint_share"] = 0.989
+    assert verdicts(results) == [True, True, False]
+
+
+@pytest.mark.parametrize(
+    ("mean", "verdict"),
+    [(20.0, "dishonest (too cautious)"), (27.0, "honest"), (40.0, "dishonest (overconfident)")],
+)
+def test_honesty_follows_the_mean_nees(results, mean, verdict):
+    results.summaries["position19-noisy"]["nees_mean"] = mean
+    text = report.report_text(results)
+    row = next(r for r in text.splitlines() if r.startswith("| `position19-noisy`"))
+    assert f"| {verdict} |" in row
+    count = 8 if verdict == "honest" else 7  # the single pass is dishonest by construction
+    assert f"honest in {count} of 9 campaigns" in text
+
+
+def test_missed_bounds_are_those_below_99_percent(results):
+    share = results.summaries["position25-noisy"]["parameters"]
+    share["lever_arm_x"]["share_within_bound"] = 0.4
+    share["lever_arm_y"]["share_within_bound"] = 0.99
+    missed = section(report.report_text(results), "Which bounds are missed")
+    row = next(r for r in missed.splitlines() if r.startswith("| `lever_arm_x`"))
+    assert row == "| `lever_arm_x` | · | · | 60.0 | · | · | · |"
+    assert "lever_arm_y" not in missed
+
+
+def test_bounds_met_at_once_follow_the_joint_share(results):
+    results.summaries["position25-noisy"]["joint_share"] = 0.98
+    short = section(report.report_text(results), "In short")
+    assert "`position25-noisy`: the paper's bounds are not met" in short
+    assert "`position25-quiet`: the paper's bounds are met" in short
+
+
+def test_single_pass_is_called_what_its_numbers_are(results):
+    text = section(report.report_text(results), "One pass against two")
+    assert "One pass is dishonest (overconfident)" in text
+    assert f"for {COUNT} of {COUNT} parameters" in text
+    results.summaries[ONE_PASS] = results.summaries[MAIN]
+    text = section(report.report_text(results), "One pass against two")
+    assert "One pass is honest" in text
+    assert "| parameter |" not in text
+
+
+def test_schedule_verdict_follows_the_simultaneous_intervals(results):
+    comparison = results.comparisons[findings.EQUAL_POSITION_TIME]
+    verdict = findings.contest_verdict(findings.contest(comparison))
+    assert verdict.startswith("25 positions are better (19 save 24 % of the time): 27 ")
+    comparison["parameters"]["accel_k11"] |= {"simultaneous_lower": 0.7, "simultaneous_upper": 0.9}
+    mixed = findings.contest(comparison)
+    assert (len(mixed.worse), mixed.better) == (26, ("accel_k11",))
+    assert "on balance, not throughout" in findings.contest_verdict(mixed)
+    for row in comparison["parameters"].values():
+        row |= {"ratio": 0.8, "simultaneous_lower": 0.7, "simultaneous_upper": 0.9}
+    assert findings.contest_verdict(findings.contest(comparison)).startswith("19 positions are")
+    for row in comparison["parameters"].values():
+        row["simultaneous_upper"] = 1.1
+    assert findings.contest_verdict(findings.contest(comparison)).startswith("neither schedule")
+
+
+def test_same_time_is_called_so(results):
+    result = findings.contest(results.comparisons[findings.EQUAL_TOTAL_TIME])
+    assert findings.time_text(result.time_saved_percent) == "the same time"
+    assert findings.time_text(-10.0) == "19 cost 10 % of the time"
+
+
+def draw_everything(drawn, comparisons):
+    return {
+        "errors_against_bounds": plots.errors_against_bounds({"quiet": drawn, "noisy": drawn}),
+        "error_distributions": plots.error_distributions(drawn),
+        "predicted_against_empirical": plots.predicted_against_empirical({1: drawn, 2: drawn}),
+        "nees": plots.nees({1: drawn, 2: drawn}),
+        "schedule_comparison": plots.schedule_comparison(comparisons, "noise"),
+    }
+
+
+def test_every_figure_is_written_and_its_bytes_repeat(tmp_path, results):
+    data = campaign()
+    # a parameter the filter does not model must not stop a figure
+    data["predicted_std"][3] = 0.0
+    drawn = Campaign(data, summary_of(data), CONFIGURATION)
+    for name, figure in draw_everything(drawn, results.comparisons).items():
+        path = tmp_path / "new" / f"{name}.png"
+        figure_style.save(figure, path)
+        assert path.read_bytes().startswith(b"\x89PNG")
+    again = tmp_path / "again.png"
+    figure_style.save(plots.nees({1: drawn, 2: drawn}), again)
+    assert again.read_bytes() == (tmp_path / "new" / "nees.png").read_bytes()
+
+
+def test_missing_inputs_are_named_in_one_line(tmp_path, monkeypatch, results):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(DataError, match=r"position25-quiet\.json: not found; make it with"):
+        findings.collect()
+    with pytest.raises(DataError, match="position25-quiet: not found; make it with"):
+        figures.draw_all(load([]))
+    broken = tmp_path / "broken.json"
+    broken.write_text("{")
+    with pytest.raises(DataError, match="cannot be read"):
+        findings.read_json(broken, "compare")
+
+
+def test_report_reads_what_the_stages_write(tmp_path, monkeypatch, results):
+    monkeypatch.chdir(tmp_path)
+    for folder, files in (("summary", results.summaries), ("comparison", results.comparisons)):
+        (tmp_path / "results" / folder).mkdir(parents=True)
+        for name, content in files.items():
+            (tmp_path / "results" / folder / f"{name}.json").write_text(json.dumps(content))
+    campaign().to_zarr(tmp_path / "results" / "runs" / MAIN, consolidated=False, zarr_format=3)
+    assert report.report_text(findings.collect()) == report.report_text(results)
+
+
+def test_store_is_loaded_with_its_runs_done(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    data = campaign()
+    data["status"][:10] = 2
+    data["error"][:10] = np.nan
+    data.to_zarr(tmp_path / "results" / "runs" / "some", consolidated=False, zarr_format=3)
+    loaded = figures.load(load([]), "some")
+    assert loaded.error.shape == (RUNS - 10, COUNT)
+    assert np.isfinite(loaded.error).all()
+    assert loaded.passes == 2
