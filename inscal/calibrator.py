@@ -123,7 +123,11 @@ def calibrate(
             estimator.gains(number).gain,
             navigation.site_constants(site),
             _metres(site),
-            *(nothing if history is None else (history.estimate[number], history.innovation[number])),
+            *(
+                nothing
+                if history is None
+                else (history.estimate[number], history.innovation[number])
+            ),
         )
         constants = state[:CONSTANTS]
         if number > 0:

@@ -48,7 +48,9 @@ def normal_gravity(sin_latitude, height):
     surface = EQUATORIAL_GRAVITY * (1.0 + _SOMIGLIANA_K * s2) * _per_w(sin_latitude)
     ratio = height * (1.0 / SEMI_MAJOR_AXIS)
     return surface * (
-        1.0 - 2.0 * (1.0 + FLATTENING + _GRAVITY_M - 2.0 * FLATTENING * s2) * ratio + 3.0 * ratio * ratio
+        1.0
+        - 2.0 * (1.0 + FLATTENING + _GRAVITY_M - 2.0 * FLATTENING * s2) * ratio
+        + 3.0 * ratio * ratio
     )
 
 

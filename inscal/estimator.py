@@ -1,9 +1,9 @@
 """What a calibration campaign estimates with: the gains of every pass, and how passes connect.
 
 **Passes.** The filter is linear, the sensors are not quite: one pass leaves second-order errors of
-several sigma. A further pass over the same record linearises about the last result x0: the estimated
-parameters and the attitude that the fixed-point smoother found for the start. Two things must not
-change with it:
+several sigma. A further pass over the same record linearises about the last result x0: the
+estimated parameters and the attitude that the fixed-point smoother found for the start. Two things
+must not change with it:
 
 - *The prior.* It stays centred where it was, or weakly observed parameters would be counted twice.
 - *The linearisation.* With the prior's wide covariance the early, noisy estimates of a pass stray

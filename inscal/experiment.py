@@ -1,8 +1,8 @@
 """One calibration experiment: truth on one side, an estimator on the other, runs in between.
 
-`Experiment` is all that the runs of a campaign share; `run` turns run numbers into outcomes. A run's
-outcome depends on the experiment and its number alone, to the last bit: not on which other runs
-went with it.
+`Experiment` is all that the runs of a campaign share; `run` turns run numbers into outcomes. The
+outcome of a run depends on the experiment and its number alone, to the last bit: not on which other
+runs went with it.
 """
 
 from collections.abc import Sequence
@@ -68,9 +68,7 @@ class Outcome:
     failed: np.ndarray
 
 
-def run(
-    experiment: Experiment, runs: Sequence[int], workspace: Workspace | None = None
-) -> Outcome:
+def run(experiment: Experiment, runs: Sequence[int], workspace: Workspace | None = None) -> Outcome:
     """Simulate and calibrate.
 
     Parameters
@@ -92,7 +90,7 @@ def run(
     for first in range(0, len(numbers), LANES):
         part = slice(first, min(first + LANES, len(numbers)))
         estimate[part] = _tile(experiment, numbers[part], truth[part], workspace)
-    failed = ~np.isfinite(estimate).all(axis=1)
+    failed = np.logical_not(np.isfinite(estimate).all(axis=1))
     estimate[failed] = np.nan
     modelled = experiment.estimator.predicted_std > 0
     covariance = experiment.estimator.parameter_covariance[np.ix_(modelled, modelled)]

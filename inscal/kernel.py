@@ -9,14 +9,15 @@ results independent of batch size to the last bit.
 import hashlib
 import os
 from pathlib import Path
+from typing import Any
 
 import llvmlite.binding as llvm
-import numba
+from numba import config
 
 LANES = 32
 """Runs side by side in the innermost loop: enough to share the traffic of the gains."""
 
-KERNEL = {
+KERNEL: dict[str, Any] = {
     "cache": True,
     "nogil": True,
     "error_model": "numpy",
@@ -25,7 +26,7 @@ KERNEL = {
 """Compiler options of every kernel. `contract` allows fused multiply-add and nothing else:
 no reordering, so the result is defined by the source up to the rounding of a product."""
 
-INLINE = {**KERNEL, "forceinline": True}
+INLINE: dict[str, Any] = {**KERNEL, "forceinline": True}
 """Options of the scalar functions that a lane loop calls: a loop vectorises only around code that
 was inlined."""
 
@@ -42,7 +43,7 @@ def _cache_by_source() -> None:
     digest = hashlib.sha256()
     for source in sorted(folder.glob("*.py")):
         digest.update(source.read_bytes())
-    numba.config.CACHE_DIR = str(folder / "__pycache__" / f"kernels-{digest.hexdigest()[:16]}")
+    config.CACHE_DIR = str(folder / "__pycache__" / f"kernels-{digest.hexdigest()[:16]}")
 
 
 def _use_full_vectors() -> None:
@@ -52,8 +53,8 @@ def _use_full_vectors() -> None:
     """
     features = llvm.get_host_cpu_features()
     if "NUMBA_CPU_FEATURES" not in os.environ and features.get("avx512f"):
-        numba.config.CPU_NAME = llvm.get_host_cpu_name()
-        numba.config.CPU_FEATURES = f"{features.flatten()},-prefer-256-bit"
+        config.CPU_NAME = llvm.get_host_cpu_name()
+        config.CPU_FEATURES = f"{features.flatten()},-prefer-256-bit"
 
 
 _cache_by_source()

@@ -77,7 +77,7 @@ def update_count(schedule: Schedule, update_interval: float) -> int:
     count = round(schedule.duration / update_interval)
     if count < 1 or abs(count * update_interval - schedule.duration) > 1e-6 * update_interval:
         raise ValueError(
-            f"schedule of {schedule.duration:g} s is no multiple of the {update_interval:g} s update"
+            f"schedule of {schedule.duration:g} s is no multiple of updates, {update_interval:g} s"
         )
     return count
 

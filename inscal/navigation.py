@@ -7,7 +7,7 @@ rotation relative to the navigation frame
 
 the attitude is turned, :math:`C \leftarrow C \exp[\theta\times]`, and the velocity gains
 
-.. math:: \Delta v^n = C\, J(\theta)^{-1} \Delta v + (g - (2\omega_{ie} + \omega_{en}) \times V)\, dt
+.. math:: \Delta v^n = C J(\theta)^{-1} \Delta v + (g - (2\omega_{ie} + \omega_{en}) \times V) dt
 
 with the new C and J of `inscal.rotation`. This is exact, at any step size, for a body that turns
 steadily while its specific force is constant in the navigation frame, which is what a turntable

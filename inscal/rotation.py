@@ -5,12 +5,11 @@ For a rotation vector :math:`\theta` with cross-product matrix :math:`[\theta\ti
 .. math::
 
     \exp[\theta\times] &= I + a [\theta\times] + b [\theta\times]^2, \\
-    J(\theta) = \int_0^1 \exp(s [\theta\times])\, ds &= I + b [\theta\times] + c [\theta\times]^2, \\
+    J(\theta) = \int_0^1 \exp(s [\theta\times]) ds &= I + b [\theta\times] + c [\theta\times]^2, \\
     J(\theta)^{-1} &= I - \tfrac12 [\theta\times] + d [\theta\times]^2
 
 with :math:`a = \sin\theta/\theta`, :math:`b = (1-\cos\theta)/\theta^2`,
-:math:`c = (\theta-\sin\theta)/\theta^3` and :math:`d = (1 - a / 2b) / \theta^2`; the b in d is the one
-above (Barfoot, State Estimation for Robotics, 2017, sec. 7.1). All four are even in the angle, so
+:math:`c = (\theta-\sin\theta)/\theta^3` and :math:`d = (1 - a / 2b) / \theta^2` (Barfoot, State Estimation for Robotics, 2017, sec. 7.1). All four are even in the angle, so
 they are power series in its square, which is what a vector unit likes best.
 """
 
@@ -42,7 +41,8 @@ def series(x):
     b = 0.5 + x * (-1 / 24 + x * (1 / 720 + x * (-1 / 40320 + x * (1 / 3628800 - x / 479001600))))
     c = 1 / 6 + x * (-1 / 120 + x * (1 / 5040 + x * (-1 / 362880 + x * (1 / 39916800))))
     d = 1 / 12 + x * (
-        1 / 720 + x * (1 / 30240 + x * (1 / 1209600 + x * (1 / 47900160 + x * (691 / 1307674368000))))
+        1 / 720
+        + x * (1 / 30240 + x * (1 / 1209600 + x * (1 / 47900160 + x * (691 / 1307674368000))))
     )
     return a, b, c, d
 

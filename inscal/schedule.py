@@ -197,11 +197,11 @@ def segments(schedule: Schedule) -> list[Segment]:
             out.append(Segment(start, end, attitude, np.zeros(3)))
             break
         vector = turn_vector(schedule.turns[position])
-        angle = np.linalg.norm(vector)
+        angle = float(np.linalg.norm(vector))
         turn_start = end - angle / schedule.turn_rate
         if turn_start < start:
             raise ValueError(
-                f"turn {position + 1} takes {angle / schedule.turn_rate:g} s, longer than a position"
+                f"turn {position + 1} of {angle / schedule.turn_rate:g} s takes longer than a position"
             )
         if turn_start > start:
             out.append(Segment(start, turn_start, attitude, np.zeros(3)))

@@ -52,8 +52,8 @@ def inverse_matrices(truth: np.ndarray) -> np.ndarray:
     columns, rows = np.triu_indices(3)  # a lower triangle column by column
     gyro[:, rows, columns] = truth[INDEX["gyro_k"]].T
     accel[:] = truth[INDEX["accel_k"]].T.reshape(lanes, 3, 3).mT
-    gyro, accel = np.linalg.inv(np.eye(3) + gyro), np.linalg.inv(np.eye(3) + accel)
-    return np.concatenate([gyro[:, rows, columns].T, accel.mT.reshape(lanes, 9).T])
+    gyro_inverse, accel_inverse = np.linalg.inv(np.eye(3) + np.stack([gyro, accel]))
+    return np.concatenate([gyro_inverse[:, rows, columns].T, accel_inverse.mT.reshape(lanes, 9).T])
 
 
 @njit(**INLINE)

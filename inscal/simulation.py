@@ -1,7 +1,7 @@
 """Truth: the simulated sensors, their noise and what a laboratory would record of them.
 
-**Random numbers.** Every run owns four streams, named by the campaign's seed, the run's number and a
-purpose, and by nothing else: no batch, worker or schedule enters. A run therefore meets the same
+**Random numbers.** Every run owns four streams, named by the campaign's seed, the run's number and
+a purpose, and by nothing else: no batch, worker or schedule enters. A run therefore meets the same
 sensor, the same initial errors and the same standardised noise under every schedule and noise
 level. Campaigns that share a seed are paired run by run (which is what a comparison wants), and the
 runs of one campaign are independent of each other (which is what its own statistics want).
@@ -26,7 +26,7 @@ PURPOSES = {"truth": 0, "initial": 1, "sensors": 2, "observations": 3}
 """Streams of a run."""
 
 _BLOCK = 64
-"""Steps drawn for one lane before the next: a compromise of changing streams and of staying in cache."""
+"""Steps drawn for one lane before the next: few changes of stream, and all still in cache."""
 
 
 @dataclass(frozen=True)

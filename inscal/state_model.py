@@ -50,7 +50,11 @@ class StateModel:
     def columns(self) -> np.ndarray:
         """Indices of the modelled parameters in a 27-vector, in state order."""
         return np.concatenate(
-            [np.arange(parameters.COUNT)[s] for g, s in parameters.INDEX.items() if g in self.groups]
+            [
+                np.arange(parameters.COUNT)[s]
+                for g, s in parameters.INDEX.items()
+                if g in self.groups
+            ]
         )
 
     @property
@@ -224,7 +228,8 @@ def build_transitions(
             members = [[k] for k in range(len(update))]
         else:  # all whole intervals of a dwell are alike
             whole = np.diff(edges) > update_interval * (1 - 1e-9)
-            members = [list(np.flatnonzero(whole)), *([k] for k in np.flatnonzero(~whole))]
+            members = [np.flatnonzero(whole).tolist()]
+            members += [[int(k)] for k in np.flatnonzero(~whole)]
         for pieces in filter(None, members):
             start, end = edges[pieces[0]], edges[pieces[0] + 1]
             interval_end = (update[pieces[0]] + 1) * update_interval

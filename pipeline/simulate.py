@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from dask.typing import Key
 from distributed import Client, as_completed
 
 from inscal.experiment import Outcome, run_with_history
@@ -71,7 +72,7 @@ def _fan_out(config, experiment, todo, target, workers: Client, progress) -> Non
     finished: list[tuple[list[int], Outcome]] = []
     flushed = time.monotonic()
     futures = as_completed(with_results=False)
-    numbers = {}
+    numbers: dict[Key, list[int]] = {}
 
     def supply() -> None:
         # asked every time, since workers may join at any time
@@ -113,6 +114,7 @@ def history_dataset(config: Config) -> xr.Dataset:
     """
     experiment = build_experiment(config)
     number = config.only_run
+    assert number is not None
     outcome, history = run_with_history(experiment, number)
     unit = si_units(config)
     passes = range(experiment.estimator.passes)
@@ -145,7 +147,11 @@ def history_dataset(config: Config) -> xr.Dataset:
         },
         coords={
             "calibration_pass": np.arange(1, len(passes) + 1),
-            "time": ("time", interval * np.arange(1, experiment.motion.updates + 1), {"units": "s"}),
+            "time": (
+                "time",
+                interval * np.arange(1, experiment.motion.updates + 1),
+                {"units": "s"},
+            ),
             "parameter": np.array(NAMES, dtype=object),
             "unit": ("parameter", np.array(UNITS, dtype=object)),
             "observation": np.array(

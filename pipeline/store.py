@@ -167,7 +167,7 @@ def _template(config: Config, predicted_std: np.ndarray, path: Path) -> None:
 
 def pending(store: zarr.Group) -> np.ndarray:
     """Numbers of the runs still to be made, ascending."""
-    return np.flatnonzero(store["status"][:] == NOT_RUN)
+    return np.flatnonzero(_array(store, "status")[:] == NOT_RUN)
 
 
 def write(store: zarr.Group, config: Config, results: list[tuple[list[int], Outcome]]) -> None:
@@ -191,11 +191,17 @@ def write(store: zarr.Group, config: Config, results: list[tuple[list[int], Outc
         truth = np.concatenate([outcome.truth for _, outcome in joined]) / unit
         estimate = np.concatenate([outcome.estimate for _, outcome in joined]) / unit
         failed = np.concatenate([outcome.failed for _, outcome in joined])
-        store["truth"][part] = truth
-        store["estimate"][part] = estimate
-        store["error"][part] = estimate - truth
-        store["nees"][part] = np.concatenate([outcome.nees for _, outcome in joined])
-        store["status"][part] = np.where(failed, FAILED, DONE).astype(np.int8)
+        _array(store, "truth")[part] = truth
+        _array(store, "estimate")[part] = estimate
+        _array(store, "error")[part] = estimate - truth
+        _array(store, "nees")[part] = np.concatenate([outcome.nees for _, outcome in joined])
+        _array(store, "status")[part] = np.where(failed, FAILED, DONE).astype(np.int8)
+
+
+def _array(store: zarr.Group, name: str) -> zarr.Array:
+    array = store[name]
+    assert isinstance(array, zarr.Array)
+    return array
 
 
 def read(path: str | Path) -> xr.Dataset:

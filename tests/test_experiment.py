@@ -20,9 +20,7 @@ def experiment_on(schedule, truth=None, model=None):
     return Experiment(
         seed=3,
         site=SITE,
-        motion=build_motion(
-            schedule, SITE, update_interval=1.0, dwell_step=1.0, turn_step=0.2
-        ),
+        motion=build_motion(schedule, SITE, update_interval=1.0, dwell_step=1.0, turn_step=0.2),
         truth=truth or TruthModel("normal", SIZE),
         noise=NOISE,
         initial=STD,

@@ -113,6 +113,4 @@ def test_rotate_left_is_the_matrix_exponential():
     phi = np.array([1e-3, -2e-3, 3e-3])
     rotate_left(state, 0, 0, tuple(phi))
     first_and_second = np.eye(3) + skew(phi) + skew(phi) @ skew(phi) / 2
-    np.testing.assert_allclose(
-        state[:9, 0].reshape(3, 3), first_and_second @ before, atol=1e-8
-    )
+    np.testing.assert_allclose(state[:9, 0].reshape(3, 3), first_and_second @ before, atol=1e-8)

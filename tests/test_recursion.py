@@ -28,7 +28,9 @@ def build(positions, duration, model):
 
 def scaled_difference(a, b):
     sigma = np.sqrt(np.diag(b))
-    return np.abs(a - b).max() if not sigma.all() else (np.abs(a - b) / np.outer(sigma, sigma)).max()
+    return (
+        np.abs(a - b).max() if not sigma.all() else (np.abs(a - b) / np.outer(sigma, sigma)).max()
+    )
 
 
 @pytest.mark.parametrize("states", MODELS)

@@ -5,14 +5,16 @@ from conftest import paper_schedule
 from inscal.schedule import Schedule, Turn, initial_attitude, postures, segments, weak_pairs
 
 # the postures of the paper's Table 1, first letters of X, Y, Z
-TABLE_1 = """
-NED UEN DES UEN EDN WUN EDN ENU ESD ENU EUS ESD EDN DWN WUN UEN SEU DES NED
-SWD SEU NED SEU SWD NED
-""".split()
+TABLE_1 = (
+    "NED UEN DES UEN EDN WUN EDN ENU ESD ENU EUS ESD EDN DWN WUN UEN SEU DES NED "
+    "SWD SEU NED SEU SWD NED"
+)
 
 
 def test_postures_are_the_papers_table_1():
-    assert ["".join(name[0] for name in row) for row in postures(paper_schedule())] == TABLE_1
+    assert [
+        "".join(name[0] for name in row) for row in postures(paper_schedule())
+    ] == TABLE_1.split()
 
 
 def test_19_positions_are_the_head_of_25():

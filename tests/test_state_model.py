@@ -49,7 +49,8 @@ def difference(motion, plus, minus, step, true_attitude):
     turned = (a[:9] - b[:9]).reshape(3, 3) @ true_attitude.T / (2 * step)
     phi = -np.array([turned[2, 1], turned[0, 2], turned[1, 0]])
     radii = np.array(navigation_radii())
-    return np.concatenate([phi, (a[9:12] - b[9:12]) / (2 * step), (a[12:] - b[12:]) / (2 * step) * radii])
+    velocity, offset = (a[9:12] - b[9:12]) / (2 * step), (a[12:] - b[12:]) / (2 * step)
+    return np.concatenate([phi, velocity, offset * radii])
 
 
 def navigation_radii():
@@ -167,8 +168,6 @@ def test_state_models_are_lists_of_groups():
     assert classic.states == 30
     with_arm = StateModel((*classic.groups, "lever_arm"))
     assert with_arm.states == 33
-    assert [parameters.NAMES[i] for i in with_arm.columns[-3:]] == [
-        f"lever_arm_{a}" for a in "xyz"
-    ]
+    assert [parameters.NAMES[i] for i in with_arm.columns[-3:]] == [f"lever_arm_{a}" for a in "xyz"]
     # state order does not follow the order of the list
     assert StateModel(classic.groups[::-1]).columns.tolist() == classic.columns.tolist()
