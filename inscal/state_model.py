@@ -16,8 +16,9 @@ On the table the velocity is zero and the position fixed, so the navigation bloc
 one constant matrix; only the parameter columns turn with the body.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import expm
@@ -219,6 +220,7 @@ def build_transitions(
     """
     updates = update_count(schedule, update_interval)
     a = navigation_dynamics(site)
+    carries = _carries(a)
     distinct: list[np.ndarray] = []
     index = np.full(updates, -1)
     for segment in segments(schedule):
@@ -233,7 +235,8 @@ def build_transitions(
         for pieces in filter(None, members):
             start, end = edges[pieces[0]], edges[pieces[0] + 1]
             interval_end = (update[pieces[0]] + 1) * update_interval
-            column = _integrate(segment, site, a, start, end, interval_end)[:, model.columns]
+            column = _integrate(segment, site, carries, start, end, interval_end)
+            column = column[:, model.columns]
             if len(pieces) == 1 and index[update[pieces[0]]] >= 0:
                 distinct[index[update[pieces[0]]]] += column
             else:
@@ -247,7 +250,7 @@ def build_transitions(
     )
 
 
-def _integrate(segment, site, a, start, end, interval_end) -> np.ndarray:
+def _integrate(segment, site, carries, start, end, interval_end) -> np.ndarray:
     """Parameter columns of one piece, carried on to the end of its update interval."""
     times = 0.5 * (start + end) + 0.5 * (end - start) * _NODES
     attitude = attitude_at(segment, times)
@@ -255,8 +258,22 @@ def _integrate(segment, site, a, start, end, interval_end) -> np.ndarray:
     rate = segment.rate + to_body @ earth.earth_rate_ned(site.latitude)
     force = to_body @ -earth.gravity_ned(site.latitude, site.height)
     columns = parameter_dynamics(attitude, rate, force)
-    carry = np.array([expm(a * (interval_end - t)) for t in times])
+    carry = carries(round(interval_end - start, 9), round(interval_end - end, 9))
     return np.einsum("t,tij,tjk->ik", 0.5 * (end - start) * _WEIGHTS, carry, columns)
+
+
+def _carries(a: np.ndarray) -> Callable[[float, float], np.ndarray]:
+    """Transitions from the nodes of a piece to the end of its interval, by the piece's place in it.
+
+    Most pieces fill their interval, so a few sets of matrix exponentials serve them all.
+    """
+
+    @lru_cache(maxsize=None)
+    def carries(first: float, last: float) -> np.ndarray:
+        nodes = 0.5 * (first + last) + 0.5 * (last - first) * _NODES
+        return np.array([expm(a * t) for t in nodes])
+
+    return carries
 
 
 def _noise_covariance(a: np.ndarray, noise: NoiseModel, interval: float) -> np.ndarray:

@@ -1,0 +1,144 @@
+"""Stage `bench`: what a calibrated run costs, in units of the random numbers it needs.
+
+Usage: ``python -m pipeline.bench [out=FILE]``, on a machine that does nothing else.
+
+F is the time to draw 342 000 standard normals once, as fast as is known here: SFC64, one by one in
+a compiled loop. So many a 25-position calibration takes in steps of 1 s at rest and 0.01 s in turns.
+R is the time of one complete run, simulation, all passes and NEES. Both are measured in turn in one
+process, so their ratio holds where the machine's speed drifts.
+"""
+
+import json
+import statistics
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from numba import njit
+
+from inscal.calibrator import calibrate
+from inscal.experiment import Experiment, run
+from inscal.kernel import KERNEL, LANES
+from inscal.simulation import Workspace, draw_truth, generator, simulate
+from pipeline.build import build_experiment
+from pipeline.config import Config, stage
+from pipeline.output import write_text
+
+_YARDSTICK = 342_000
+_ROUNDS = 9
+_TILES = 4
+_RUNS_PER_WORKER = 512
+
+
+@njit(**KERNEL)
+def _draw_yardstick(rng, count):
+    total = 0.0
+    for _ in range(count):
+        total += rng.standard_normal()
+    return total
+
+
+def _seconds(call: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
+
+
+def cost(experiment: Experiment) -> dict[str, float]:
+    """R, F and their ratio, and the shares of R, as medians over interleaved rounds.
+
+    Parameters
+    ----------
+    experiment : Experiment
+
+    Returns
+    -------
+    dict of str to float
+        Times in ms.
+    """
+    rng = generator(0, 0, "sensors")
+    workspace = Workspace.of(experiment.motion)
+    runs = range(_TILES * LANES)
+    truth = np.array([draw_truth(experiment.truth, 0, r) for r in range(LANES)]).T
+
+    def simulated():
+        return simulate(
+            truth,
+            experiment.motion,
+            experiment.noise,
+            experiment.initial,
+            seed=0,
+            runs=range(LANES),
+            workspace=workspace,
+        )
+
+    record = simulated()
+    calls: dict[str, tuple[Callable[[], object], int]] = {
+        "F_ms": (lambda: _draw_yardstick(rng, _YARDSTICK), 1),
+        "R_ms": (lambda: run(experiment, runs, workspace), len(runs)),
+        "simulation_ms": (simulated, LANES),
+        "passes_ms": (
+            lambda: calibrate(record, experiment.motion, experiment.site, experiment.estimator),
+            LANES,
+        ),
+    }
+    for call, _ in calls.values():
+        call()
+    times: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in range(_ROUNDS):
+        for name, (call, count) in calls.items():
+            times[name].append(1e3 * _seconds(call) / count)
+    ratio = [r / f for r, f in zip(times["R_ms"], times["F_ms"], strict=True)]
+    return {name: statistics.median(t) for name, t in times.items()} | {
+        "R_over_F": statistics.median(ratio),
+        "normals_per_run": 6.0 * (experiment.motion.steps + experiment.motion.updates),
+    }
+
+
+def throughput(experiment: Experiment) -> dict[str, float]:
+    """Runs per second of one and of two threads, and the efficiency of the second.
+
+    Parameters
+    ----------
+    experiment : Experiment
+
+    Returns
+    -------
+    dict of str to float
+    """
+    spaces = [Workspace.of(experiment.motion) for _ in range(2)]
+
+    def work(worker: int) -> None:
+        first = worker * _RUNS_PER_WORKER
+        run(experiment, range(first, first + _RUNS_PER_WORKER), spaces[worker])
+
+    one, two = [], []
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(work, range(2)))
+        for _ in range(3):
+            one.append(_RUNS_PER_WORKER / _seconds(lambda: work(0)))
+            two.append(2 * _RUNS_PER_WORKER / _seconds(lambda: list(pool.map(work, range(2)))))
+    ratio = statistics.median(b / a for a, b in zip(one, two, strict=True))
+    return {
+        "runs_per_s_one_core": statistics.median(one),
+        "runs_per_s_two_cores": statistics.median(two),
+        "efficiency_of_two_cores": ratio / 2,
+    }
+
+
+@stage
+def main(config: Config) -> None:
+    """Measure, print, and write as JSON where `out` says."""
+    build_experiment(config)  # compiles or loads what is compiled
+    seconds = _seconds(lambda: build_experiment(config))
+    experiment = build_experiment(config)
+    figures = {"setup_ms": 1e3 * seconds} | cost(experiment) | throughput(experiment)
+    for name, value in figures.items():
+        print(f"{name:26} {value:10.3f}")
+    if config.out:
+        write_text(config.out, json.dumps(figures, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
