@@ -95,7 +95,8 @@ def run(experiment: Experiment, runs: Sequence[int], workspace: Workspace | None
     modelled = experiment.estimator.predicted_std > 0
     covariance = experiment.estimator.parameter_covariance[np.ix_(modelled, modelled)]
     consistency = np.full(len(numbers), np.nan)
-    consistency[~failed] = nees((estimate - truth)[~failed][:, modelled], covariance)
+    if not failed.all():
+        consistency[~failed] = nees((estimate - truth)[~failed][:, modelled], covariance)
     return Outcome(truth, estimate, consistency, failed)
 
 

@@ -133,6 +133,7 @@ COUNT: Rule = (lambda v: v >= 1, "an integer >= 1")
 INDEX: Rule = (lambda v: v >= 0, "an integer >= 0")
 STORE: Rule = (lambda v: v.strip() != "", "a path, not empty")
 FILE: Rule = (lambda v: v.strip() != "" and not Path(v).is_dir(), "the path of a file")
+REASON: Rule = (lambda v: v.strip() != "", "the reason in words, not empty")
 NAME: Rule = _matching(
     r"[A-Za-z0-9][A-Za-z0-9._-]*", "letters, digits, '.', '_' and '-', first a letter or digit"
 )
@@ -177,10 +178,12 @@ _OPTIONAL_RULES: dict[str, Rule] = {
     "cluster.memory": _matching(r"[1-9]\d*(\.\d+)? ?[kMGT]i?B", "an amount such as 8GB"),
     "cluster.walltime": _matching(r"(\d+-)?\d{1,2}:\d\d:\d\d", "a time such as 02:00:00"),
     "cluster.account": NAME,
+    "campaign.precision": (lambda v: 0.0 < v < 1.0, "a number between 0 and 1"),
     "only_run": INDEX,
     "out": FILE,
     "a": STORE,
     "b": STORE,
+    "accept": REASON,
 }
 """Rules of keys that may be null."""
 

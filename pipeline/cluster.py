@@ -8,10 +8,12 @@ import dask
 from distributed import Client, LocalCluster
 
 from pipeline.config import Cluster, DataError
+from pipeline.output import complain
 
 _SETTINGS = {
     "distributed.comm.timeouts.connect": "10s",
-    "distributed.admin.large-graph-warning-threshold": "1 GB",  # the experiment is a task's argument
+    # the experiment, some 60 MB, is the argument of a task
+    "distributed.admin.large-graph-warning-threshold": "1 GB",
 }
 _WORKER_TIMEOUT_S = 30
 
@@ -63,7 +65,9 @@ def client(cluster: Cluster) -> Iterator[Client]:
                 yield connected
         else:
             with _start(cluster) as started, Client(started) as connected:
-                connected.wait_for_workers(1)  # SLURM may take its time
+                if cluster.kind == "slurm":
+                    complain(["waiting for SLURM to start a job"])
+                    connected.wait_for_workers(1)
                 yield connected
 
 

@@ -4,6 +4,7 @@ Usage: ``python -m pipeline.compare a=STORE b=STORE [out=FILE.csv]``. Both campa
 seed and the truth; they may differ in anything else. A ratio above one means that `a` is worse.
 """
 
+import json
 from pathlib import Path
 
 import xarray as xr
@@ -13,6 +14,7 @@ from rich.table import Table
 from inscal.summary import compare
 from pipeline import store
 from pipeline.config import Config, ConfigError, DataError, stage
+from pipeline.findings import contest, contest_verdict
 from pipeline.output import table_text, write_text
 from pipeline.summarize import as_json
 
@@ -74,7 +76,7 @@ def print_comparison(result: xr.Dataset) -> None:
 
 @stage
 def main(config: Config) -> None:
-    """Compare stores `a` and `b` into a table on the terminal, a CSV and a JSON file."""
+    """Compare stores `a` and `b` into a table and a verdict, on the terminal and in files."""
     for key in ("a", "b"):
         if getattr(config, key) is None:
             raise ConfigError(f"{key} = null: must be the path of a campaign store")
@@ -82,10 +84,14 @@ def main(config: Config) -> None:
         raise ConfigError(f"out = {config.out!r}: must be a CSV file; the JSON file goes beside it")
     result = comparison_of(config.a or "", config.b or "")
     print_comparison(result)
+    content = as_json(result)
+    verdict = contest_verdict(contest(json.loads(content)))
+    print(verdict)
     default = _FOLDER / f"{result.attrs['a']}-over-{result.attrs['b']}.csv"
     path = Path(config.out) if config.out else default
     write_text(path, table_text(result))
-    write_text(path.with_suffix(".json"), as_json(result))
+    write_text(path.with_suffix(".json"), content)
+    write_text(path.with_suffix(".md"), f"{verdict}\n")
 
 
 if __name__ == "__main__":

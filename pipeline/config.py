@@ -207,6 +207,8 @@ class Campaign:
         Path of the run store.
     replace : bool
         Whether a store of another configuration in the way may be deleted.
+    precision : float or None
+        Relative half-width of all RMSE intervals at which to stop before `runs`.
     """
 
     runs: int = MISSING
@@ -214,6 +216,7 @@ class Campaign:
     batch: int = MISSING
     store: str = MISSING
     replace: bool = MISSING
+    precision: float | None = None
 
 
 @dataclass
@@ -263,6 +266,8 @@ class Config:
         File a stage writes its result to.
     a, b : str or None
         Stores to compare.
+    accept : str or None
+        Why the gate's new baseline is accepted.
     """
 
     truth: Truth = field(default_factory=Truth)
@@ -279,6 +284,7 @@ class Config:
     out: str | None = None
     a: str | None = None
     b: str | None = None
+    accept: str | None = None
 
 
 ConfigStore.instance().store(name="schema", node=Config)

@@ -71,10 +71,12 @@ class Check:
 
 @dataclass(frozen=True)
 class Contest:
-    """One schedule against another over all parameters.
+    """One campaign against another over all parameters.
 
     Attributes
     ----------
+    a, b : str
+        Names of the campaigns.
     median, lowest, highest : float
         RMSE ratios, of a over b.
     worse, better : tuple of str
@@ -83,6 +85,8 @@ class Contest:
         How much less time `a` takes, in percent of that of `b`.
     """
 
+    a: str
+    b: str
     median: float
     lowest: float
     highest: float
@@ -277,6 +281,8 @@ def contest(comparison: Summary) -> Contest:
     ratio = [row["ratio"] for row in table.values()]
     duration_a, duration_b = comparison["duration_s"]
     return Contest(
+        a=comparison["a"],
+        b=comparison["b"],
         median=statistics.median(ratio),
         lowest=min(ratio),
         highest=max(ratio),
@@ -287,21 +293,24 @@ def contest(comparison: Summary) -> Contest:
 
 
 def contest_verdict(result: Contest) -> str:
-    """Say in one sentence which schedule wins, by how much and at what cost."""
+    """Say in a short paragraph which campaign wins, by how much and at what cost."""
     worse, better = len(result.worse), len(result.better)
     if worse == better:
-        winner = "neither schedule is better on the whole"
+        winner = "neither is better on the whole"
     else:
-        winner = f"{25 if worse > better else 19} positions are better"
+        winner = f"{result.b if worse > better else result.a} is better"
         winner += " on balance, not throughout" if worse and better else ""
     return (
-        f"{winner} ({time_text(result.time_saved_percent)}): {worse} parameters significantly "
-        f"worse with 19, {better} better, median RMSE ratio {result.median:.2f}."
+        f"{winner}; {time_text(result)}. {result.a} is significantly worse in {worse} "
+        f"parameters and better in {better}, by intervals that hold for all at once; "
+        f"the median RMSE ratio is {result.median:.2f}, the range {result.lowest:.2f} to "
+        f"{result.highest:.2f}."
     )
 
 
-def time_text(saved_percent: float) -> str:
-    """Say what 19 positions cost next to 25."""
-    if abs(saved_percent) < _SAME_TIME_PERCENT:
-        return "the same time"
-    return f"19 {'save' if saved_percent > 0 else 'cost'} {abs(saved_percent):.0f} % of the time"
+def time_text(result: Contest) -> str:
+    """Say what `a` costs in time next to `b`."""
+    saved = result.time_saved_percent
+    if abs(saved) < _SAME_TIME_PERCENT:
+        return "both take the same time"
+    return f"{result.a} {'saves' if saved > 0 else 'costs'} {abs(saved):.0f} % of the time"

@@ -323,7 +323,7 @@ def _contest_text(comparison: Summary, summaries: Mapping[str, Summary]) -> str:
     seconds_a, seconds_b = comparison["duration_s"]
     lines = [
         f"{md.code(a)} takes {seconds_a:g} s, {md.code(b)} {seconds_b:g} s: "
-        f"{findings.time_text(result.time_saved_percent)}.",
+        f"{findings.time_text(result)}.",
         f"RMSE ratio over {comparison['runs_paired']} paired runs: median {result.median:.2f}, "
         f"from {result.lowest:.2f} to {result.highest:.2f}.",
         "Significantly worse with 19, by the intervals that hold for all parameters at once: "

@@ -1,10 +1,12 @@
 """Stage `simulate`: a campaign of calibrated runs into a store, or one of its runs in full.
 
 Usage: ``python -m pipeline.simulate [schedule=...] [noise=...] [truth=...] [campaign.runs=...]``,
-``only_run=17`` to repeat run 17 alone and keep its course.
+``only_run=17`` to repeat run 17 alone and keep its course, ``campaign.precision=0.05`` to stop as
+soon as every RMSE is known to five per cent (half of its 95 % interval).
 """
 
 import json
+import math
 import time
 from contextlib import nullcontext
 from itertools import islice
@@ -27,6 +29,8 @@ from pipeline.worker import attempt, share
 
 _FLUSH_INTERVAL_S = 2.0
 _QUEUED_PER_WORKER = 4
+_FIRST_LOOK = 200
+_LOOK_GROWTH = 1.2
 
 
 def batches(pending: np.ndarray, size: int) -> list[list[int]]:
@@ -54,20 +58,38 @@ def simulate_campaign(config: Config) -> None:
     check(config.cluster)
     experiment = build_experiment(config)
     target = store.open_store(config, experiment.estimator.predicted_std / si_units(config))
-    todo = batches(store.pending(target), config.campaign.batch)
-    before = config.campaign.runs - sum(map(len, todo))
+    pending = store.pending(target)
+    runs, wanted = config.campaign.runs, config.campaign.precision
     name = Path(config.campaign.store).name
     with (
-        client(config.cluster) if todo else nullcontext() as workers,
-        CampaignProgress(config.campaign.runs, before, name) as progress,
+        client(config.cluster) if len(pending) else nullcontext() as workers,
+        CampaignProgress(runs, runs - len(pending), name) as progress,
     ):
-        if workers is not None:
-            _fan_out(config, experiment, todo, target, workers, progress)
+        if workers is None:
+            return
+        shared = workers.submit(share, experiment, pure=False)
+        for limit in [runs] if wanted is None else checkpoints(runs):
+            todo = batches(pending[pending < limit], config.campaign.batch)
+            pending = pending[pending >= limit]
+            _fan_out(config, shared, todo, target, workers, progress)
+            if wanted is not None and (precision := store.precision(target, limit)) < wanted:
+                progress.say(f"every RMSE is known to {100 * precision:.1f} %: enough")
+                break
 
 
-def _fan_out(config, experiment, todo, target, workers: Client, progress) -> None:
+def checkpoints(runs: int) -> list[int]:
+    """Numbers of runs after which a campaign looks whether it is precise enough.
+
+    They depend on nothing but the largest number: when a campaign stops is no matter of timing.
+    """
+    out = [min(_FIRST_LOOK, runs)]
+    while out[-1] < runs:
+        out.append(min(runs, math.ceil(_LOOK_GROWTH * out[-1])))
+    return out
+
+
+def _fan_out(config, shared, todo, target, workers: Client, progress) -> None:
     """Keep every worker supplied, write what comes back, release it."""
-    shared = workers.submit(share, experiment, pure=False)
     waiting = iter(todo)
     finished: list[tuple[list[int], Outcome]] = []
     flushed = time.monotonic()

@@ -22,6 +22,7 @@ import zarr
 import inscal
 from inscal.experiment import Outcome
 from inscal.parameters import COUNT, NAMES, UNITS
+from inscal.statistics import rmse_half_width_relative
 from pipeline.build import si_units
 from pipeline.config import Config, DataError, resolved
 
@@ -32,8 +33,8 @@ _CHUNKS = 12
 _PER_RUN = ("truth", "estimate", "error", "nees", "status")
 _SOFTWARE = ("inscal", "numpy", "scipy", "numba", "xarray", "zarr", "dask")
 # what a store's numbers do not depend on
-_IRRELEVANT = ("cluster", "bounds", "only_run", "out", "a", "b")
-_IRRELEVANT_CAMPAIGN = ("batch", "store", "replace")
+_IRRELEVANT = ("cluster", "bounds", "only_run", "out", "a", "b", "accept")
+_IRRELEVANT_CAMPAIGN = ("batch", "store", "replace", "precision")
 
 
 def fingerprint(config: Config) -> str:
@@ -93,7 +94,6 @@ def open_store(config: Config, predicted_std: np.ndarray) -> zarr.Group:
     # hidden, for a campaign of the user's may be called anything
     unfinished = path.with_name(f".{path.name}.new")
     try:
-        shutil.rmtree(unfinished, ignore_errors=True)
         _template(config, predicted_std, unfinished)
         unfinished.rename(path)
     except OSError as error:
@@ -105,7 +105,7 @@ def _attributes(path: Path) -> dict:
     """Attributes of a store; DataError if `path` is none of ours."""
     try:
         attributes = json.loads((path / "zarr.json").read_text())["attributes"]
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, KeyError, TypeError):
         attributes = {}
     if "fingerprint" not in attributes:
         raise DataError(f"campaign.store = {path}: exists and is not a campaign store")
@@ -113,7 +113,7 @@ def _attributes(path: Path) -> dict:
 
 
 def _template(config: Config, predicted_std: np.ndarray, path: Path) -> None:
-    """Write a store without any runs."""
+    """Write a store without any runs, in place of an unfinished one."""
     runs = config.campaign.runs
     chunk = -(-runs // _CHUNKS)
 
@@ -168,6 +168,14 @@ def _template(config: Config, predicted_std: np.ndarray, path: Path) -> None:
 def pending(store: zarr.Group) -> np.ndarray:
     """Numbers of the runs still to be made, ascending."""
     return np.flatnonzero(_array(store, "status")[:] == NOT_RUN)
+
+
+def precision(store: zarr.Group, runs: int) -> float:
+    """Relative half-width of the 95 % interval of the least known RMSE, over the first `runs`."""
+    done = np.asarray(_array(store, "status")[:runs]) == DONE
+    if done.sum() < 2:
+        return np.inf
+    return float(rmse_half_width_relative(np.asarray(_array(store, "error")[:runs])[done]).max())
 
 
 def write(store: zarr.Group, config: Config, results: list[tuple[list[int], Outcome]]) -> None:

@@ -50,7 +50,7 @@ def summary_of(config: Config, path: str | Path) -> xr.Dataset:
         raise DataError(f"campaign store {path}: {error}") from None
     missing = campaign.sizes["run"] - int(summary.runs_done) - int(summary.runs_failed)
     if missing:
-        complain([f"warning: {path}: {missing} of {campaign.sizes['run']} runs are not made yet"])
+        complain([f"note: {path}: {missing} of {campaign.sizes['run']} runs are not made"])
     configuration = campaign.attrs["configuration"]
     return summary.assign_attrs(
         campaign=Path(path).name,

@@ -263,15 +263,26 @@ def test_slurm_jobs_make_the_same_bits(tmp_path, monkeypatch, reference):
     tools.mkdir()
     # a SLURM of one machine: a job is a process group of its own, its number the leader's
     log = tmp_path / "job.log"
-    sbatch = f'setsid bash "$1" >{log} 2>&1 & echo "Submitted batch job $!"'
+    copy = f'cp "$1" {tools}/script'  # dask-jobqueue deletes its own
+    sbatch = f'{copy}; setsid bash {tools}/script >{log} 2>&1 & echo "Submitted batch job $!"'
+    sbatch = sbatch.replace("; ", "\n")
     for name, line in {"sbatch": sbatch, "scancel": 'kill -- "-$1"'}.items():
         (tools / name).write_text(f"#!/bin/bash\n{line}\n")
         (tools / name).chmod(0o755)
     monkeypatch.setenv("PATH", f"{tools}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.chdir(tmp_path)
+    fan_out, threads = simulate._fan_out, []
+
+    def spy(*arguments):
+        threads.extend(arguments[4].nthreads().values())
+        fan_out(*arguments)
+
+    monkeypatch.setattr(simulate, "_fan_out", spy)
     make("campaign", "cluster=slurm", "cluster.workers=1", "cluster.cores=1", "campaign.batch=7")
     assert_same_store("campaign", reference)
     assert "distributed.worker" in log.read_text()
+    # it waited for the job, and only then started the clock
+    assert threads == [1]
 
 
 # one run alone
@@ -401,8 +412,11 @@ def test_diverging_runs_are_recorded_and_named(diverging):
     assert error_lines(ended)[-1].startswith("campaign: 30 of 30 runs, ")
 
 
-def test_diverging_runs_do_not_touch_their_neighbours(tmp_path, diverging):
-    assert_same_store(make(tmp_path / "campaign", DIVERGING, "campaign.batch=7"), diverging[0])
+@pytest.mark.parametrize("batch", [1, 7])
+def test_diverging_runs_do_not_touch_their_neighbours(tmp_path, diverging, batch):
+    # in batches of one, all runs of a batch fail
+    path = make(tmp_path / "campaign", DIVERGING, f"campaign.batch={batch}")
+    assert_same_store(path, diverging[0])
 
 
 def test_a_diverging_run_can_be_repeated_alone(tmp_path, diverging):

@@ -40,7 +40,7 @@ BAD = [
     # unknown options and keys
     (["noise=loud"], "noise = loud: must be one of noisy, quiet, reference"),
     (["truth=gauss"], "truth = gauss: must be one of dispersed, paper, uniform"),
-    (["schedule=position26"], "schedule = position26: must be one of position19, position25"),
+    (["schedule=position26"], "schedule = position26: must be one of position19, position19_equal_time, position25"),
     (["cluster=cloud"], "cluster = cloud: must be one of processes, scheduler, slurm, threads"),
     (["noise.nam=x"], "noise.nam: unknown key; must be one of name, gyro_angle_random_walk"),
     (["+noise.extra=1"], "noise.extra: unknown key; must be one of name"),
@@ -85,6 +85,8 @@ BAD = [
     (["simulation.dwell_step_s=0"], "simulation.dwell_step_s = 0.0: must be a finite number > 0"),
     (["simulation.turn_step_s=-0.1"], "simulation.turn_step_s = -0.1: must be"),
     (["simulation.turn_step_s=1.41"], "simulation.turn_step_s = 1.41: must be at most 1.4"),
+    (["campaign.precision=0"], "campaign.precision = 0.0: must be a number between 0 and 1"),
+    (["campaign.precision=nan"], "campaign.precision = nan: must be"),
     (["estimator.passes=0"], "estimator.passes = 0: must be an integer from 1 to 10"),
     (["estimator.passes=11"], "estimator.passes = 11: must be an integer from 1 to 10"),
     (["estimator.update_interval_s=0"], "estimator.update_interval_s = 0.0: must be"),
@@ -182,7 +184,7 @@ def test_defaults():
     assert config.estimator.states == list(parameters.GROUPS)
     assert config.cluster.kind == "threads"
     assert config.campaign.store == "results/runs/position25-reference"
-    assert [config.only_run, config.out, config.a, config.b] == [None] * 4
+    assert [config.only_run, config.out, config.a, config.b, config.accept] == [None] * 5
 
 
 @pytest.mark.parametrize("option", OPTIONS)

@@ -1,4 +1,5 @@
 import copy
+import dataclasses
 import json
 import re
 
@@ -164,23 +165,27 @@ def test_single_pass_is_called_what_its_numbers_are(results):
 def test_schedule_verdict_follows_the_simultaneous_intervals(results):
     comparison = results.comparisons[findings.EQUAL_POSITION_TIME]
     verdict = findings.contest_verdict(findings.contest(comparison))
-    assert verdict.startswith("25 positions are better (19 save 24 % of the time): 27 ")
+    assert verdict.startswith(f"{comparison['b']} is better; {comparison['a']} saves 24 % of the")
+    assert "significantly worse in 27 parameters and better in 0" in verdict
     comparison["parameters"]["accel_k11"] |= {"simultaneous_lower": 0.7, "simultaneous_upper": 0.9}
     mixed = findings.contest(comparison)
     assert (len(mixed.worse), mixed.better) == (26, ("accel_k11",))
     assert "on balance, not throughout" in findings.contest_verdict(mixed)
     for row in comparison["parameters"].values():
         row |= {"ratio": 0.8, "simultaneous_lower": 0.7, "simultaneous_upper": 0.9}
-    assert findings.contest_verdict(findings.contest(comparison)).startswith("19 positions are")
+    assert findings.contest_verdict(findings.contest(comparison)).startswith(
+        f"{comparison['a']} is better"
+    )
     for row in comparison["parameters"].values():
         row["simultaneous_upper"] = 1.1
-    assert findings.contest_verdict(findings.contest(comparison)).startswith("neither schedule")
+    assert findings.contest_verdict(findings.contest(comparison)).startswith("neither is better")
 
 
 def test_same_time_is_called_so(results):
     result = findings.contest(results.comparisons[findings.EQUAL_TOTAL_TIME])
-    assert findings.time_text(result.time_saved_percent) == "the same time"
-    assert findings.time_text(-10.0) == "19 cost 10 % of the time"
+    assert findings.time_text(result) == "both take the same time"
+    slower = dataclasses.replace(result, time_saved_percent=-10.0)
+    assert findings.time_text(slower) == f"{result.a} costs 10 % of the time"
 
 
 def draw_everything(drawn, comparisons):
