@@ -366,7 +366,8 @@ def test_kill_and_resume(tmp_path, monkeypatch, capsys):
         wait_until(some_done)
         victim.send_signal(signal.SIGKILL)
         assert victim.wait(30) == -signal.SIGKILL
-    left = store.pending(zarr.open_group(path, mode="r")).tolist()
+    status = store.read(path).status
+    left = status.run[status == store.NOT_RUN].values.tolist()
     done = 1500 - len(left)
     assert 0 < done < 1500
 
@@ -378,6 +379,7 @@ def test_kill_and_resume(tmp_path, monkeypatch, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert lines[0] == f"campaign: resuming after {done} of 1500 runs"
     assert lines[-1].startswith("campaign: 1500 of 1500 runs, ")
+    assert (store.read(path).status == store.DONE).all()
     assert_same_store(path, make(tmp_path / "uninterrupted", runs))
 
 
@@ -390,6 +392,37 @@ def test_nothing_is_left_to_do_in_a_finished_campaign(reference, monkeypatch, ca
     assert made == []
     assert files(reference) == before
     assert "campaign: resuming after 30 of 30 runs" in capsys.readouterr().err
+
+
+# enough runs
+
+
+def test_checkpoints_end_at_the_largest_number():
+    for runs in (1, 199, 200, 201, 5000):
+        looks = simulate.checkpoints(runs)
+        assert looks[0] == min(200, runs)
+        assert looks[-1] == runs
+        assert looks == sorted(set(looks))
+
+
+def test_precision_stops_at_the_same_run_whatever_the_batch(tmp_path, monkeypatch):
+    made.clear()
+    monkeypatch.setattr(worker, "run", recording_run)
+    wanted = ["campaign.runs=1000", "campaign.precision=0.1"]
+    path = make(tmp_path / "a", *wanted, "campaign.batch=64")
+    assert sorted(made) == list(range(len(made)))
+    assert_same_store(path, make(tmp_path / "b", *wanted, "campaign.batch=7"))
+    opened, looks = zarr.open_group(path, mode="r"), simulate.checkpoints(1000)
+    runs = 1000 - len(store.pending(opened))
+    assert store.pending(opened).tolist() == list(range(runs, 1000))
+    assert 200 < runs < 1000
+    # precise enough here, and not yet at the look before
+    before = looks[looks.index(runs) - 1]
+    assert store.precision(opened, runs) < 0.1 <= store.precision(opened, before)
+    # a campaign that had enough makes no more runs when it is called again
+    made.clear()
+    make(path, *wanted)
+    assert made == []
 
 
 # runs that fail

@@ -237,10 +237,12 @@ SAME = [
     ["campaign.batch=7"],
     ["campaign.store=elsewhere"],
     ["campaign.replace=true"],
+    ["campaign.precision=0.1"],
     ["bounds.lever_arm_mm=1"],
     ["only_run=3"],
     ["out=file"],
     ["a=x", "b=y"],
+    ["accept=reason"],
     ["site.height_m=50"],  # as it is, though written without its decimals
 ]
 
@@ -265,9 +267,10 @@ def test_every_setting_is_known_to_matter_or_not():
     groups = {key: value for key, value in settings.items() if isinstance(value, dict)}
     keys = {f"{group}.{key}" for group, values in groups.items() for key in values}
     keys -= {key for key in keys if key.startswith(("cluster.", "bounds."))}
-    keys -= {"campaign.batch", "campaign.store", "campaign.replace", "estimator.initial_std"}
+    keys -= {f"campaign.{key}" for key in ("batch", "store", "replace", "precision")}
+    keys -= {"estimator.initial_std"}
     assert keys <= changed
-    assert settings.keys() - groups.keys() == {"only_run", "out", "a", "b"}
+    assert settings.keys() - groups.keys() == {"only_run", "out", "a", "b", "accept"}
 
 
 def test_fingerprint_changes_with_the_library(tmp_path, monkeypatch):
@@ -324,6 +327,11 @@ def foreign_zarr(path):
     zarr.create_group(path, attributes={"mine": True})
 
 
+def foreign_json(path):
+    path.mkdir()
+    (path / "zarr.json").write_text("[]")
+
+
 def foreign_file(path):
     path.write_text("years of work")
 
@@ -333,7 +341,9 @@ def empty_folder(path):
 
 
 @pytest.mark.parametrize("replace", ["false", "true"])
-@pytest.mark.parametrize("place", [foreign_folder, foreign_zarr, foreign_file, empty_folder])
+@pytest.mark.parametrize(
+    "place", [foreign_folder, foreign_zarr, foreign_json, foreign_file, empty_folder]
+)
 def test_what_is_not_ours_is_never_deleted(path, place, replace):
     place(path)
     before = tree(path.parent)
@@ -361,6 +371,7 @@ def test_crash_while_a_store_is_made_leaves_none_and_is_cleaned_up(path, monkeyp
     assert not path.exists()
     (unfinished,) = path.parent.iterdir()
     (unfinished / "zarr.json").write_text("half")
+    (unfinished / "stray").write_text("of another version")
     store.open_store(config, STD)
     assert [*path.parent.iterdir()] == [path]
     assert store.pending(zarr.open_group(path)).size == 30
