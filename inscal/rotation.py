@@ -9,7 +9,8 @@ For a rotation vector :math:`\theta` with cross-product matrix :math:`[\theta\ti
     J(\theta)^{-1} &= I - \tfrac12 [\theta\times] + d [\theta\times]^2
 
 with :math:`a = \sin\theta/\theta`, :math:`b = (1-\cos\theta)/\theta^2`,
-:math:`c = (\theta-\sin\theta)/\theta^3` and :math:`d = (1 - a / 2b) / \theta^2` (Barfoot, State Estimation for Robotics, 2017, sec. 7.1). All four are even in the angle, so
+:math:`c = (\theta-\sin\theta)/\theta^3` and :math:`d = (1 - a / 2b) / \theta^2` (Barfoot, State
+Estimation for Robotics, 2017, sec. 7.1). All four are even in the angle, so
 they are power series in its square, which is what a vector unit likes best.
 """
 

@@ -201,7 +201,8 @@ def segments(schedule: Schedule) -> list[Segment]:
         turn_start = end - angle / schedule.turn_rate
         if turn_start < start:
             raise ValueError(
-                f"turn {position + 1} of {angle / schedule.turn_rate:g} s takes longer than a position"
+                f"turn {position + 1} takes {angle / schedule.turn_rate:g} s, "
+                "which is longer than a position"
             )
         if turn_start > start:
             out.append(Segment(start, turn_start, attitude, np.zeros(3)))

@@ -18,7 +18,7 @@ one constant matrix; only the parameter columns turn with the body.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from scipy.linalg import expm
@@ -29,7 +29,7 @@ from inscal.rotation import skew
 from inscal.schedule import Schedule, segments
 
 NAVIGATION = 9
-"""Navigation states: three each of attitude (N, E, D), velocity (N, E, D) and position (N, E, h)."""
+"""Navigation states, three each: attitude (N, E, D), velocity (N, E, D), position (N, E, h)."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 
@@ -268,7 +268,7 @@ def _carries(a: np.ndarray) -> Callable[[float, float], np.ndarray]:
     Most pieces fill their interval, so a few sets of matrix exponentials serve them all.
     """
 
-    @lru_cache(maxsize=None)
+    @cache
     def carries(first: float, last: float) -> np.ndarray:
         nodes = 0.5 * (first + last) + 0.5 * (last - first) * _NODES
         return np.array([expm(a * t) for t in nodes])

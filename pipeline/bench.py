@@ -3,9 +3,9 @@
 Usage: ``python -m pipeline.bench [out=FILE]``, on a machine that does nothing else.
 
 F is the time to draw 342 000 standard normals once, as fast as is known here: SFC64, one by one in
-a compiled loop. So many a 25-position calibration takes in steps of 1 s at rest and 0.01 s in turns.
-R is the time of one complete run, simulation, all passes and NEES. Both are measured in turn in one
-process, so their ratio holds where the machine's speed drifts.
+a compiled loop. So many a 25-position calibration takes in steps of 1 s at rest and 0.01 s in
+turns. R is the time of one complete run, simulation, all passes and NEES. Both are measured in turn
+in one process, so their ratio holds where the machine's speed drifts.
 """
 
 import json

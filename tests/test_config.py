@@ -40,7 +40,10 @@ BAD = [
     # unknown options and keys
     (["noise=loud"], "noise = loud: must be one of noisy, quiet, reference"),
     (["truth=gauss"], "truth = gauss: must be one of dispersed, paper, uniform"),
-    (["schedule=position26"], "schedule = position26: must be one of position19, position19_equal_time, position25"),
+    (
+        ["schedule=position26"],
+        "schedule = position26: must be one of position19, position19_equal_time, position25",
+    ),
     (["cluster=cloud"], "cluster = cloud: must be one of processes, scheduler, slurm, threads"),
     (["noise.nam=x"], "noise.nam: unknown key; must be one of name, gyro_angle_random_walk"),
     (["+noise.extra=1"], "noise.extra: unknown key; must be one of name"),
