@@ -354,9 +354,9 @@ def test_course_of_a_run_has_every_pass_and_units():
 
 def test_kill_and_resume(tmp_path, monkeypatch, capsys):
     path = tmp_path / "campaign"
-    runs = "campaign.runs=1500"
-    # in batches so small that it takes longer than the two seconds between writes
-    command = [sys.executable, "-m", "pipeline.simulate", *SHORT, runs, "campaign.batch=2"]
+    runs = "campaign.runs=2500"
+    # one by one, which takes many times the two seconds between writes
+    command = [sys.executable, "-m", "pipeline.simulate", *SHORT, runs, "campaign.batch=1"]
     with processes([*command, f"campaign.store={path}"], cwd=tmp_path) as (victim,):
 
         def some_done():
@@ -368,8 +368,8 @@ def test_kill_and_resume(tmp_path, monkeypatch, capsys):
         assert victim.wait(30) == -signal.SIGKILL
     status = store.read(path).status
     left = status.run[status == store.NOT_RUN].values.tolist()
-    done = 1500 - len(left)
-    assert 0 < done < 1500
+    done = 2500 - len(left)
+    assert 0 < done < 2500
 
     made.clear()
     monkeypatch.setattr(worker, "run", recording_run)
@@ -377,8 +377,8 @@ def test_kill_and_resume(tmp_path, monkeypatch, capsys):
     make(path, runs)
     assert sorted(made) == left
     lines = capsys.readouterr().err.splitlines()
-    assert lines[0] == f"campaign: resuming after {done} of 1500 runs"
-    assert lines[-1].startswith("campaign: 1500 of 1500 runs, ")
+    assert lines[0] == f"campaign: resuming after {done} of 2500 runs"
+    assert lines[-1].startswith("campaign: 2500 of 2500 runs, ")
     assert (store.read(path).status == store.DONE).all()
     assert_same_store(path, make(tmp_path / "uninterrupted", runs))
 
