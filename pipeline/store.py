@@ -90,12 +90,16 @@ def open_store(config: Config, predicted_std: np.ndarray) -> zarr.Group:
                 f"campaign.store = {path}: holds a campaign of another configuration or version; "
                 "choose another path, delete it, or allow it with campaign.replace=true"
             )
-        shutil.rmtree(path)
-    # hidden, for a campaign of the user's may be called anything
-    unfinished = path.with_name(f".{path.name}.new")
+    # hidden, for a campaign of the user's may be called anything; whole folders change names, so
+    # a kill in between leaves either store or none, and no half of one
+    unfinished, replaced = (path.with_name(f".{path.name}.{end}") for end in ("new", "old"))
     try:
+        shutil.rmtree(replaced, ignore_errors=True)
         _template(config, predicted_std, unfinished)
+        if path.exists():
+            path.rename(replaced)
         unfinished.rename(path)
+        shutil.rmtree(replaced, ignore_errors=True)
     except OSError as error:
         raise DataError(f"campaign.store = {path}: cannot be written ({error.strerror})") from None
     return zarr.open_group(path, mode="r+")
