@@ -1,0 +1,157 @@
+"""Innovations of simulated calibrations against the covariance the filter predicts for them.
+
+If a filter is optimal its innovations are white with the predicted covariance (Bar-Shalom, Li &
+Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, sec. 5.4). Here every
+innovation is divided by the Cholesky factor of its predicted covariance, which makes an optimal
+filter's six unit white sequences; the squared length of the six is the normalised innovation
+squared (NIS).
+
+A later pass starts from a result that its record has already led to (`inscal.estimator`). Its
+innovations are residuals of a fit: the constants take up to one unit of NIS each, over the whole
+record, and no more.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from inscal.calibrator import calibrate, empty_history
+from inscal.experiment import Experiment
+from inscal.kernel import LANES
+from inscal.parameters import COUNT
+from inscal.recursion import OBSERVED
+from inscal.simulation import Workspace, draw_truth, simulate
+from inscal.statistics import Bounded, autocorrelation, white_band, wilson_interval
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Innovation statistics of some runs, by pass.
+
+    Attributes
+    ----------
+    nis : ndarray, shape (passes, updates, runs)
+    autocorrelation : ndarray, shape (passes, stretches, lags, 6, runs)
+        Of the six unit sequences, over each stretch of the record.
+    truth, estimate, first_estimate : ndarray, shape (runs, 27)
+        True parameters, the estimates, and those after the first pass alone; SI.
+    """
+
+    nis: np.ndarray
+    autocorrelation: np.ndarray
+    truth: np.ndarray
+    estimate: np.ndarray
+    first_estimate: np.ndarray
+
+
+def sample(
+    experiment: Experiment, runs: Sequence[int], stretches: Sequence[slice], lags: Sequence[int]
+) -> Sample:
+    """Repeat runs and keep the statistics of their innovations.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    runs : sequence of int
+        Run numbers, none of which may diverge.
+    stretches : sequence of slice
+        Of update numbers.
+    lags : sequence of int
+        In updates; each shorter than every stretch.
+
+    Returns
+    -------
+    Sample
+    """
+    passes, updates = experiment.estimator.passes, experiment.motion.updates
+    workspace, history = Workspace.of(experiment.motion), empty_history(passes, updates)
+    covariance = [experiment.estimator.gains(p).innovation_covariance for p in range(passes)]
+    result = Sample(
+        np.empty((passes, updates, len(runs))),
+        np.empty((passes, len(stretches), len(lags), OBSERVED, len(runs))),
+        np.array([draw_truth(experiment.truth, experiment.seed, r) for r in runs]),
+        np.empty((len(runs), COUNT)),
+        np.empty((len(runs), COUNT)),
+    )
+    for first in range(0, len(runs), LANES):
+        part = slice(first, min(first + LANES, len(runs)))
+        lanes = np.minimum(first + np.arange(LANES), len(runs) - 1)  # spare lanes repeat the last
+        record = simulate(
+            result.truth[lanes].T,
+            experiment.motion,
+            experiment.noise,
+            experiment.initial,
+            seed=experiment.seed,
+            runs=[runs[lane] for lane in lanes],
+            workspace=workspace,
+        )
+        estimate = calibrate(
+            record, experiment.motion, experiment.site, experiment.estimator, history=history
+        )
+        used = part.stop - part.start
+        result.estimate[part] = estimate.T[:used]
+        result.first_estimate[part] = history.estimate[0, -1].T[:used]
+        for number in range(passes):
+            unit = whiten(history.innovation[number, :, :, :used], covariance[number])
+            result.nis[number, :, part] = np.square(unit).sum(axis=1)
+            for place, stretch in enumerate(stretches):
+                result.autocorrelation[number, place, ..., part] = _autocorrelation(
+                    unit[stretch], lags
+                )
+    return result
+
+
+def whiten(innovation: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Unit sequences: innovations over the Cholesky factors of their predicted covariances.
+
+    Parameters
+    ----------
+    innovation : ndarray, shape (updates, m, runs)
+    covariance : ndarray, shape (updates, m, m)
+
+    Returns
+    -------
+    ndarray, shape (updates, m, runs)
+        White with unit covariance if the filter is optimal.
+    """
+    return np.linalg.inv(np.linalg.cholesky(covariance)) @ innovation
+
+
+def _autocorrelation(unit: np.ndarray, lags: Sequence[int]) -> np.ndarray:
+    """Autocorrelation of unit sequences (updates, m, runs), shape (lags, m, runs)."""
+    return autocorrelation(unit.reshape(len(unit), -1), lags).reshape(len(lags), *unit.shape[1:])
+
+
+def share_beyond_band(
+    correlation: np.ndarray,
+    updates: int,
+    lags: Sequence[int],
+    *,
+    band: float = 0.95,
+    confidence: float = 0.99,
+) -> Bounded:
+    """Share of autocorrelations outside the band of a white sequence.
+
+    Parameters
+    ----------
+    correlation : ndarray, shape (lags, ...)
+    updates : int
+        Length of each sequence.
+    lags : sequence of int
+        Far below `updates`.
+    band : float
+        Share inside the band if the sequences are white.
+    confidence : float
+        Of the interval. It takes the correlations as independent, as those of white sequences are
+        but for terms of 1 / updates.
+
+    Returns
+    -------
+    Bounded
+        To be held against 1 - band.
+    """
+    # a correlation at lag k is one of updates - k pairs
+    limit = np.array([white_band(updates - lag, band) for lag in lags])
+    beyond = np.abs(correlation) > limit.reshape(-1, *[1] * (correlation.ndim - 1))
+    return wilson_interval(beyond.sum(), beyond.size, confidence)

@@ -1,0 +1,380 @@
+import copy
+import dataclasses
+import json
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import xarray as xr
+import zarr
+from campaigns import SHORT, make, run_stage, short
+from scipy import stats
+
+from inscal import statistics
+from inscal.experiment import run, run_with_history
+from inscal.innovations import Sample, sample, share_beyond_band, whiten
+from inscal.parameters import COUNT, NAMES, UNITS, paper_bounds
+from pipeline import consistency, consistency_goals, consistency_plots, consistency_report
+from pipeline import consistency_statistics as numbers
+from pipeline.build import build_experiment
+from pipeline.config import DataError, load, resolved
+from pipeline.consistency_statistics import LAGS, Bounds
+from pipeline.summarize import as_json
+
+SIGMA = paper_bounds() / 5.0
+BOUNDS = Bounds(SIGMA, 1.001 * SIGMA, 1e-9)
+POSITIONS, UPDATES, SAMPLED, PASSES = 5, 1500, 40, 2
+
+
+def done_with(error):
+    runs = len(error)
+    return xr.Dataset(
+        {
+            "error": (("run", "parameter"), error),
+            "predicted_std": ("parameter", SIGMA.copy()),
+            "nees": ("run", np.square(error / SIGMA).sum(axis=1)),
+        },
+        {
+            "run": np.arange(runs),
+            "parameter": np.array(NAMES, dtype=object),
+            "unit": ("parameter", np.array(UNITS, dtype=object)),
+        },
+        {"failed": 0},
+    )
+
+
+def normal_errors(runs=800, seed=5):
+    """Errors of an honest filter, the quantiles of a normal distribution in random order."""
+    quantiles = stats.norm.ppf((np.arange(runs) + 0.5) / runs)
+    return SIGMA * np.random.default_rng(seed).permuted(np.tile(quantiles, (COUNT, 1)), axis=1).T
+
+
+def unit_sequences(correlation, seed=6):
+    """AR(1) sequences of unit variance, shape (updates, 6, runs)."""
+    rng = np.random.default_rng(seed)
+    unit = rng.standard_normal((UPDATES, 6, SAMPLED))
+    for k in range(1, UPDATES):
+        unit[k] = correlation * unit[k - 1] + np.sqrt(1 - correlation**2) * unit[k]
+    return unit
+
+
+def correlations(unit):
+    flat = unit.reshape(len(unit), -1)
+    return statistics.autocorrelation(flat, LAGS).reshape(len(LAGS), *unit.shape[1:])
+
+
+def sampled(*passes):
+    """Sample with these unit sequences as innovations of its passes, and honest estimates."""
+    positions = numbers.stretches_of(POSITIONS, UPDATES)
+    parts = [numbers.updates_of(s, POSITIONS, UPDATES) for s in positions]
+    truth = np.zeros((SAMPLED, COUNT))
+    return Sample(
+        np.array([np.square(unit).sum(axis=1) for unit in passes]),
+        np.array([[correlations(unit[part]) for part in parts] for unit in passes]),
+        truth,
+        normal_errors(SAMPLED, 7),
+        3.0 * normal_errors(SAMPLED, 8),
+    )
+
+
+def judged(repeated):
+    covariance = np.tile(np.diag([2e-6] * 3 + [1e-2] * 3), (UPDATES, 1, 1))
+    estimator = SimpleNamespace(
+        parameter_covariance=np.diag(SIGMA**2),
+        first=SimpleNamespace(innovation_covariance=covariance),
+    )
+    noise = SimpleNamespace(velocity=1e-3, position=0.1)
+    experiment = SimpleNamespace(estimator=estimator, noise=noise)
+    return numbers.innovations(repeated, experiment, POSITIONS)
+
+
+def study_of(error, repeated):
+    dataset = numbers.estimates(done_with(error), BOUNDS).assign_attrs(
+        campaign="made-up",
+        seed=2,
+        usual_seed=1,
+        noise=resolved(load([]))["noise"],
+        prior_differs=["lever_arm_x"],
+        positions=POSITIONS,
+        position_duration_s=300.0,
+        innovations=judged(repeated),
+    )
+    return dataset, json.loads(as_json(dataset))
+
+
+@pytest.fixture(scope="module")
+def white():
+    return sampled(unit_sequences(0.0), unit_sequences(0.0, 9))
+
+
+@pytest.fixture(scope="module")
+def honest(white):
+    return study_of(normal_errors(), white)[1]
+
+
+def missed(study):
+    return [check.requirement for check in consistency_goals.checks(study) if not check.met]
+
+
+def test_an_honest_filter_meets_every_goal(honest):
+    assert missed(honest) == []
+    assert all(check.met for check in consistency_goals.earlier_checks(honest))
+    text = consistency_report.report_text(honest)
+    assert "**Goals met: 12 of 12. Of the same goals for the passes that only start" in text
+    assert "not met" not in text.lower()
+    assert "**no**" not in text
+    # 3 sigma of 27 parameters in 9 of them: the first pass of this sample is far off
+    assert honest["innovations"]["first_pass_nees"]["mean"] == pytest.approx(9 * COUNT, rel=0.1)
+    assert "no substitute for the NEES" in text
+    assert honest["innovations"]["observation_noise"] == pytest.approx(0.75)  # of 1/2 and 1
+
+
+def edited(study, **changes):
+    study = copy.deepcopy(study)
+    for path, value in changes.items():
+        *parents, last = path.split("__")
+        place = study
+        for key in parents:
+            place = place[int(key) if key.isdigit() else key]
+        place[last] = value
+    return study
+
+
+ONE = "parameters__gyro_k21__"
+FINAL = "innovations__passes__1__stretches__0__"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"runs_failed": 1}, ["no run failed"]),
+        ({"nees_mean": 27.7, "nees_upper": 27.8}, ["27 ± 0.6"]),
+        ({"nees_lower": 27.5, "nees_upper": 27.8, "nees_mean": 27.2}, ["NEES inside its 99 %"]),
+        ({ONE + "bias_over_mcse": -3.1}, ["no bias above 3"]),
+        ({ONE + "model_error_percent": 8.0, ONE + "model_error_percent_mcse": 2.5}, ["sigma off"]),
+        ({ONE + "coverage_1_sigma_upper_all": 0.68}, ["1 sigma covers 68.3 %"]),
+        ({ONE + "coverage_2_sigma_lower_all": 0.96}, ["2 sigma covers 95.4 %"]),
+        ({ONE + "coverage_3_sigma_upper_all": 0.997}, ["3 sigma covers 99.7 %"]),
+        ({"filter_difference": 2e-6}, ["filter's covariance is the Cramér-Rao bound"]),
+        ({ONE + "rmse_over_bound_lower_all": 1.01}, ["RMSE is at the Cramér-Rao bound"]),
+        ({ONE + "rmse_over_bound_upper_all": 0.99}, ["RMSE is at the Cramér-Rao bound"]),
+        ({FINAL + "nis__mean": 6.2}, ["pass 2: mean NIS"]),
+        ({FINAL + "share_beyond_band__lower": 0.051}, ["pass 2: white innovations"]),
+    ],
+)
+def test_every_goal_can_be_missed(honest, changes, words):
+    study = edited(honest, **changes)
+    found = missed(study)
+    assert len(found) == len(words)
+    assert all(word in requirement for word, requirement in zip(words, found, strict=True))
+    text = consistency_report.report_text(study)
+    assert text.count("**not met**") == 1
+    assert f"Goals met: {12 - len(words)} of 12. Not met: {found[0]}." in text
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"seed": 1}, "seed 1."),
+        ({"prior_differs": []}, "as the filter's prior says. Filter"),
+        ({"nees_distribution_p": 0.001}, "is not compatible with chi-square"),
+        ({ONE + "classical_bound": float("inf")}, "some parameters could not be estimated"),
+        ({ONE + "bias_over_mcse": 2.5}, "Bias, 27 looks: 1 beyond 2 standard errors, 1.2 expected"),
+        ({ONE + "rmse_over_bound_lower": 1.01}, "interval for 1 of 27 (`gyro_k21`)"),
+        ({ONE + "coverage_2_sigma_lower": 0.96}, "95 % interval for 1 of 27 parameters (`gyro_k2"),
+    ],
+)
+def test_words_follow_the_numbers(honest, changes, words):
+    assert words not in consistency_report.report_text(honest)
+    assert words in consistency_report.report_text(edited(honest, **changes))
+
+
+def test_passes_before_the_last_are_judged_apart(white):
+    repeated = sampled(unit_sequences(0.15), unit_sequences(0.0, 9))
+    _, study = study_of(normal_errors(), repeated)
+    assert missed(study) == []
+    assert [c.met for c in consistency_goals.earlier_checks(study)] == [True, False]
+    text = consistency_report.report_text(study)
+    assert "only start the next one: 1 of 2." in text
+    assert "pass 1: white innovations" in text
+    # the lag that correlates is found, and its size
+    pooled = study["innovations"]["passes"][0]["pooled"]
+    assert pooled["largest_lag"] == 1
+    assert pooled["largest"] == pytest.approx(0.15, abs=0.03)
+
+
+def test_an_overconfident_filter_is_found_out(white):
+    found = missed(study_of(1.2 * normal_errors(), white)[1])
+    for word in ("27 ± 0.6", "NEES inside", "sigma off", "1 sigma", "2 sigma", "3 sigma", "RMSE"):
+        assert any(word in requirement for requirement in found), word
+
+
+def test_a_biased_parameter_is_found_by_name(white):
+    shift = np.where(np.array(NAMES) == "accel_bias_y", 0.25, 0.0) * SIGMA
+    _, study = study_of(normal_errors() + shift, white)
+    check = next(c for c in consistency_goals.checks(study) if "bias" in c.requirement)
+    assert not check.met
+    assert "accel_bias_y" in check.found
+    row = study["parameters"]["accel_bias_y"]
+    assert row["bias"] == pytest.approx(0.25 * SIGMA[NAMES.index("accel_bias_y")], rel=0.2)
+    assert row["bias_mcse"] == pytest.approx(row["std"] / np.sqrt(800))
+
+
+def test_numbers_of_a_tiny_campaign_by_hand():
+    error = np.array([[2.0], [-1.0], [0.0], [1.0]]) * SIGMA
+    study, _ = study_of(error, sampled(unit_sequences(0.0), unit_sequences(0.0, 9)))
+    np.testing.assert_allclose(study["bias"], 0.5 * SIGMA)
+    np.testing.assert_allclose(study["std"], np.sqrt(5 / 3) * SIGMA)
+    np.testing.assert_allclose(study["rmse_over_bound"], np.sqrt(1.5))
+    np.testing.assert_allclose(study["coverage_95_percent"], 0.75)  # 2 sigma is beyond 1.96
+    np.testing.assert_allclose(study["coverage_95_percent_mcse"], np.sqrt(0.75 * 0.25 / 4))
+    np.testing.assert_allclose(study["bias_eliminated_coverage_95_percent"], 1.0)
+    np.testing.assert_allclose(study["coverage_1_sigma"], 0.75)
+    assert (study["coverage_1_sigma_lower_all"] < study["coverage_1_sigma_lower"]).all()
+
+
+def test_whitening_leaves_unit_sequences():
+    rng = np.random.default_rng(3)
+    root = np.tril(rng.standard_normal((7, 6, 6))) + 3 * np.eye(6)
+    unit = rng.standard_normal((7, 6, 4))
+    covariance = root @ np.swapaxes(root, 1, 2)
+    signs = np.sign(root.diagonal(axis1=1, axis2=2))[..., None]
+    np.testing.assert_allclose(whiten(root @ unit, covariance), signs * unit, rtol=1e-9)
+
+
+def test_white_sequences_are_told_from_others():
+    white, colored = (correlations(unit_sequences(phi)) for phi in (0.0, 0.1))
+    share = share_beyond_band(white, UPDATES, LAGS)
+    assert share.lower < 0.05 < share.upper
+    assert share.upper - share.lower < 0.02
+    assert share_beyond_band(colored, UPDATES, LAGS).lower > 0.06
+    # every lag against the band of its own number of pairs: 1.96 / sqrt(96) and 1.96 / sqrt(46)
+    by_hand = np.array([[0.199, 0.201], [0.28, 0.30]])
+    assert share_beyond_band(by_hand, 100, [4, 54]).value == 0.5
+
+
+def test_stretches_are_a_start_and_a_partition():
+    whole, start, *parts = numbers.stretches_of(25, 12500)
+    assert (whole, start) == (range(25), range(1))
+    assert [position for part in parts for position in part] == list(range(25))
+    assert {len(part) for part in parts} == {5}
+    assert numbers.updates_of(range(5, 10), 25, 12500) == slice(2500, 5000)
+    assert numbers.stretches_of(3, 300)[1:] == [range(1), range(1, 2), range(2, 3)]
+    with pytest.raises(DataError, match="more than 20 updates"):
+        numbers.stretches_of(4, 80)
+
+
+def test_zip_plot_shows_every_miss():
+    error = normal_errors()
+    error[:30, 0] = 3.0 * SIGMA[0]  # many misses, all on one side
+    study = numbers.estimates(done_with(error), BOUNDS)
+    figure = consistency_plots.zip_plot(done_with(error), study)
+    assert len(figure.axes) == COUNT
+    first = next(axes for axes in figure.axes if axes.get_title().startswith("gyro bias x"))
+    covering, missing = (np.array(c.get_segments()) for c in first.collections)
+    beyond = np.abs(error[:, 0]) > 1.959964 * SIGMA[0]
+    assert len(missing) == beyond.sum()
+    assert len(covering) + len(missing) == 0.2 * len(error)
+    assert (missing[:, :, 0].min(axis=1) * missing[:, :, 0].max(axis=1) > 0).all()  # one side of 0
+    assert (covering[:, 0, 0] <= 0).all()
+    assert (covering[:, 1, 0] >= 0).all()
+    assert missing[:, 0, 1].min() > covering[:, 0, 1].max()
+    np.testing.assert_allclose(missing[..., 1, 0] - missing[..., 0, 0], 2 * 1.959964, rtol=1e-6)
+    limits = first.get_xlim()
+    assert limits[0] < missing[..., 0].min()
+    assert limits[1] > missing[..., 0].max()
+
+
+@pytest.fixture(scope="module")
+def short_campaign(tmp_path_factory):
+    path = tmp_path_factory.mktemp("consistency") / "campaign"
+    make(path, "campaign.runs=40")
+    return path
+
+
+def test_sample_repeats_the_runs(short_campaign):
+    experiment = build_experiment(short(short_campaign))
+    updates = experiment.motion.updates
+    runs = [*range(33), 35]  # more than a tile, with a gap
+    found = sample(experiment, runs, [slice(0, updates), slice(40, 80)], LAGS)
+    outcome = run(experiment, runs)
+    np.testing.assert_array_equal(found.estimate, outcome.estimate)
+    np.testing.assert_array_equal(found.truth, outcome.truth)
+    single = dataclasses.replace(
+        experiment, estimator=dataclasses.replace(experiment.estimator, passes=1)
+    )
+    np.testing.assert_array_equal(found.first_estimate, run(single, runs).estimate)
+    _, history = run_with_history(experiment, 35)
+    for number in range(2):
+        innovation = history.innovation[number, ..., 0]
+        covariance = experiment.estimator.gains(number).innovation_covariance
+        nis = statistics.nees(innovation, covariance)
+        np.testing.assert_allclose(found.nis[number, :, -1], nis, rtol=1e-9)
+        unit = np.linalg.solve(np.linalg.cholesky(covariance), innovation[..., None])[..., 0]
+        expected = statistics.autocorrelation(unit[40:80], LAGS)
+        np.testing.assert_allclose(
+            found.autocorrelation[number, 1, ..., -1], expected, rtol=1e-7, atol=1e-9
+        )
+
+
+def test_stage_writes_the_same_files_every_time(short_campaign, tmp_path, monkeypatch):
+    results = []
+    for number in range(2):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        ended = run_stage(consistency, f"campaign.store={short_campaign}")
+        assert ended.code == 0, ended.err
+        results.append({str(f.relative_to(folder)): f.read_bytes() for f in folder.rglob("*.*")})
+    assert results[0] == results[1]
+    assert sorted(results[0]) == [
+        "results/consistency.md",
+        "results/consistency/consistency.csv",
+        "results/consistency/consistency.json",
+        "results/consistency/innovations.png",
+        "results/consistency/zip.png",
+    ]
+    assert all(len(content) > 10_000 for name, content in results[0].items() if "png" in name)
+    study = json.loads(results[0]["results/consistency/consistency.json"])
+    assert study["runs_done"] == study["innovations"]["runs"] == 40
+    assert study["prior_differs"] == ["lever_arm_x", "lever_arm_y", "lever_arm_z"]
+    assert study["filter_difference"] < 1e-7
+    text = results[0]["results/consistency.md"].decode()
+    assert f"Goals met: {12 - len(missed(study))} of 12" in text
+    for link in re.findall(r"\]\(([^)]*)\)", text):
+        assert f"results/{link}" in results[0]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (("truth=paper",), "truth.distribution = normal"),
+        (("estimator.states=[gyro_bias,accel_bias]",), "does not estimate all"),
+    ],
+)
+def test_campaigns_that_cannot_be_judged_are_refused(tmp_path, overrides, message):
+    path = make(tmp_path / "campaign", "campaign.runs=3", *overrides)
+    with pytest.raises(DataError, match=message):
+        consistency.done_of(path)
+
+
+def test_unfinished_and_stale_campaigns_are_refused(short_campaign, tmp_path):
+    path = make(tmp_path / "campaign", "campaign.runs=3")
+    done = consistency.done_of(path)
+    assert done.attrs["failed"] == 0
+    config = consistency.config_of(done)
+    assert config == dataclasses.replace(
+        load([*SHORT, "campaign.runs=3", f"campaign.store={path}"]),
+    )
+    stale = done.assign(estimate=done["estimate"] + 1e-3 * done["predicted_std"])
+    with pytest.raises(DataError, match="not what this version makes"):
+        consistency.repeat_runs(stale, config, build_experiment(config))
+    zarr.open_group(path, mode="r+")["status"][1] = 2
+    assert consistency.done_of(path).attrs["failed"] == 1
+    zarr.open_group(path, mode="r+")["status"][2] = 2
+    with pytest.raises(DataError, match="two runs"):
+        consistency.done_of(path)
+    zarr.open_group(path, mode="r+")["status"][2] = 0
+    with pytest.raises(DataError, match="not all runs are made"):
+        consistency.done_of(path)
