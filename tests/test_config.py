@@ -104,6 +104,7 @@ BAD = [
     (["only_run=20", "campaign.runs=20"], "only_run = 20: must be less than campaign.runs"),
     (["out=/"], "out = '/': must be the path of a file"),
     (["a=''"], "a = '': must be a path, not empty"),
+    (["accept=' '"], "accept = ' ': must be the reason in words, not empty"),
     # values of parameter kinds
     (["truth.distribution=cauchy"], "truth.distribution = 'cauchy': must be one of fixed, normal"),
     ([f"{GYRO_BIAS}=x"], f"{GYRO_BIAS} = 'x': must be a finite number >= 0, or a list of 3"),

@@ -1,0 +1,119 @@
+"""Stage `regress`: the gate, which tells whether this code is worse than the committed baseline.
+
+Usage: ``python -m pipeline.regress [overrides]``, and ``"accept='reason'"``, with both quotes, to
+make its campaign the new baseline. The campaign has 128 runs, whatever ``campaign.runs`` says.
+
+Exit code 0: *identical* bit for bit, or *changed, no worse*. Exit code 1: *worse*, or a check of
+consistency or of the bounds failed. Exit code 2: there is nothing to compare.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from inscal import regression
+from inscal.parameters import GROUPS
+from inscal.regression import Judgement, Sample
+from pipeline.baseline import (
+    configuration_of,
+    differences,
+    read_baseline,
+    sample_of,
+    write_baseline,
+)
+from pipeline.build import build_experiment, parameter_vector, si_units
+from pipeline.config import Config, ConfigError, DataError, stage
+
+BASELINE = Path("results/baseline")
+"""Folder of the committed baseline."""
+
+
+def campaign(config: Config) -> Sample:
+    """The gate's campaign of a configuration.
+
+    Raises
+    ------
+    ConfigError
+        If the filter leaves out a parameter group.
+    """
+    if set(config.estimator.states) != set(GROUPS):
+        raise ConfigError(
+            f"estimator.states = {config.estimator.states}: must be all of {', '.join(GROUPS)}"
+        )
+    return sample_of(build_experiment(config))
+
+
+def accept(config: Config, reason: str) -> None:
+    """Make the campaign of this code the baseline.
+
+    Raises
+    ------
+    DataError
+        If the campaign is not fit to be one: the gate builds on its consistency.
+    """
+    sample = campaign(config)
+    failed = int((~np.isfinite(sample.error).all(axis=1)).sum())
+    if failed:
+        raise DataError(f"accept: {failed} runs diverged; they are no baseline")
+    for check in regression.consistency(sample):
+        if not check.passed:
+            raise DataError(f"accept: {_check_line(check)}; such a campaign is no baseline")
+    write_baseline(BASELINE, sample, config, reason)
+    print(f"baseline written to {BASELINE}: {reason}")
+
+
+def compare(config: Config) -> Judgement:
+    """Judge the campaign of this code against the baseline and print the verdict."""
+    baseline, about = read_baseline(BASELINE)
+    sample = campaign(config)
+    bound = parameter_vector(config.bounds) * si_units(config)
+    judgement = regression.judge(baseline, sample, bound)
+    print(f"{judgement.verdict}: {len(sample.error)} runs against the baseline: {about['reason']}")
+    for line in differences(about["configuration"], configuration_of(config)):
+        print(f"  configuration: {line}")
+    for line in lines(judgement):
+        print(f"  {line}")
+    return judgement
+
+
+def lines(judgement: Judgement) -> list[str]:
+    """What a judgement found, in words; nothing of an identical campaign."""
+    if judgement.verdict == "identical":
+        return []
+    if judgement.failed:
+        return [f"{judgement.failed} runs diverged"]
+    out = ["same data" if judgement.same_data else "other data: only a large loss can be told"]
+    out += [
+        f"{loss.name}: RMSE {_interval(loss.ratio, loss.lower, loss.upper)} of the baseline's, "
+        f"adjusted p {loss.p_value:.1g}"
+        for loss in judgement.losses
+    ]
+    out += [_check_line(check) for check in judgement.checks if not check.passed]
+    if judgement.verdict != "worse" and judgement.ratios is not None:
+        ratios, names = judgement.ratios, list(regression.LOOKS)
+        most = int(np.argmax(ratios.ratio))
+        shown = _interval(ratios.ratio[most], ratios.lower[most], ratios.upper[most])
+        out.append(f"largest of {len(names)}: {names[most]}, RMSE {shown} of the baseline's")
+    return out
+
+
+def _interval(ratio: float, lower: float, upper: float) -> str:
+    percent = f"{100 * regression.CONFIDENCE:g} %"
+    return f"{ratio:.3f} ({percent}: {lower:.3f} - {upper:.3f})"
+
+
+def _check_line(check: regression.Check) -> str:
+    return f"{check.name}: {check.value:.4g}, not in {check.lower:.4g} - {check.upper:.4g}"
+
+
+@stage
+def main(config: Config) -> None:
+    """Compare with the baseline, or write a new one."""
+    if config.accept is not None:
+        accept(config, config.accept.strip())
+    elif compare(config).verdict == "worse":
+        raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main()
