@@ -129,6 +129,7 @@ def _matching(pattern: str, allowed: str) -> Rule:
 FINITE: Rule = (_is_number, "a finite number")
 FROM_0: Rule = (lambda v: _is_number(v) and v >= 0, "a finite number >= 0")
 POSITIVE: Rule = (lambda v: _is_number(v) and v > 0, "a finite number > 0")
+PASSES: Rule = (lambda v: 1 <= v <= 10, "an integer from 1 to 10")
 COUNT: Rule = (lambda v: v >= 1, "an integer >= 1")
 INDEX: Rule = (lambda v: v >= 0, "an integer >= 0")
 STORE: Rule = (lambda v: v.strip() != "", "a path, not empty")
@@ -137,6 +138,13 @@ REASON: Rule = (lambda v: v.strip() != "", "the reason in words, not empty")
 NAME: Rule = _matching(
     r"[A-Za-z0-9][A-Za-z0-9._-]*", "letters, digits, '.', '_' and '-', first a letter or digit"
 )
+_TRIPLE: Rule = (_is_triple_of_positive, "a list of 3 finite numbers > 0")
+
+
+def _several(rule: Rule) -> Rule:
+    accepts, allowed = rule
+    return (lambda v: len(v) > 0 and all(map(accepts, v))), f"a list, each of it {allowed}"
+
 
 _RULES: dict[str, Rule] = {
     "truth.distribution": _one_of("fixed", "normal", "uniform"),
@@ -153,12 +161,9 @@ _RULES: dict[str, Rule] = {
     "site.height_m": (lambda v: -500.0 <= v <= 10000.0, "a number from -500 to 10000"),
     "simulation.dwell_step_s": POSITIVE,
     "simulation.turn_step_s": POSITIVE,
-    "estimator.passes": (lambda v: 1 <= v <= 10, "an integer from 1 to 10"),
+    "estimator.passes": PASSES,
     "estimator.update_interval_s": POSITIVE,
-    "estimator.initial_std.attitude_deg": (
-        _is_triple_of_positive,
-        "a list of 3 finite numbers > 0",
-    ),
+    "estimator.initial_std.attitude_deg": _TRIPLE,
     "estimator.initial_std.velocity_m_per_s": POSITIVE,
     "estimator.initial_std.position_m": POSITIVE,
     "sensor.quadratic_unit": _one_of("pulse", "si"),
@@ -168,6 +173,22 @@ _RULES: dict[str, Rule] = {
     "campaign.batch": COUNT,
     "campaign.store": STORE,
     "cluster.kind": _one_of(*_CLUSTER_KEYS),
+    "effects.quadratic_1e_9": FINITE,
+    "effects.lever_arm_mm": FINITE,
+    "effects.duration_s": POSITIVE,
+    "effects.static_step_s": POSITIVE,
+    "effects.vibration_rms_g": POSITIVE,
+    "effects.vibration_frequency_hz": POSITIVE,
+    "effects.vibration_rate_hz": POSITIVE,
+    "effects.swing_amplitude_deg": POSITIVE,
+    "effects.swing_frequency_hz": POSITIVE,
+    "effects.swing_axis": _one_of("X", "Y", "Z"),
+    "effects.swing_rate_hz": POSITIVE,
+    "laboratory.coarse_gyro_scale_factor_ppm": _TRIPLE,
+    "laboratory.coarse_accel_pulses_per_m_per_s": _TRIPLE,
+    "laboratory.runs": COUNT,
+    "laboratory.residual_scale_factors_ppm": _several(POSITIVE),
+    "laboratory.residual_passes": _several(PASSES),
 }
 
 _OPTIONAL_RULES: dict[str, Rule] = {

@@ -21,6 +21,7 @@ from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from pipeline.checks import KIND_KEYS, ConfigError, check, one_line
+from pipeline.config_groups import Cluster, Effects, Laboratory
 
 CONF = Path(__file__).resolve().parent.parent / "conf"
 """The directory of the configuration files."""
@@ -220,34 +221,6 @@ class Campaign:
 
 
 @dataclass
-class Cluster:
-    """Where batches are computed; what a kind does not use is None.
-
-    Attributes
-    ----------
-    kind : str
-        ``threads``, ``processes``, ``scheduler`` or ``slurm``.
-    workers : int or None
-        Number of threads, processes or SLURM jobs.
-    address : str or None
-        Address of a running scheduler.
-    queue, memory, walltime, account : str or None
-        What a SLURM job asks for; the account may be left out.
-    cores : int or None
-        Threads of a SLURM job.
-    """
-
-    kind: str = MISSING
-    workers: int | None = None
-    address: str | None = None
-    queue: str | None = None
-    cores: int | None = None
-    memory: str | None = None
-    walltime: str | None = None
-    account: str | None = None
-
-
-@dataclass
 class Bounds(KindValues):
     """Accuracy bounds the errors are judged by."""
 
@@ -258,7 +231,8 @@ class Config:
 
     Attributes
     ----------
-    truth, noise, schedule, site, simulation, estimator, sensor, campaign, cluster, bounds : object
+    truth, noise, schedule, site, simulation, estimator, sensor, campaign, cluster, bounds, \
+effects, laboratory : object
         The groups of ``conf/``.
     only_run : int or None
         The one run to compute.
@@ -280,6 +254,8 @@ class Config:
     campaign: Campaign = field(default_factory=Campaign)
     cluster: Cluster = field(default_factory=Cluster)
     bounds: Bounds = field(default_factory=Bounds)
+    effects: Effects = field(default_factory=Effects)
+    laboratory: Laboratory = field(default_factory=Laboratory)
     only_run: int | None = None
     out: str | None = None
     a: str | None = None
@@ -291,7 +267,7 @@ ConfigStore.instance().store(name="schema", node=Config)
 
 _CLASSES = (
     *(Config, Truth, Noise, Schedule, Site, Simulation, Estimator, InitialStd),
-    *(Sensor, Campaign, Cluster, Bounds),
+    *(Sensor, Campaign, Cluster, Bounds, Effects, Laboratory),
 )
 _ALLOWED_KEYS = {cls.__name__: [f.name for f in fields(cls)] for cls in _CLASSES}
 

@@ -33,7 +33,10 @@ _CHUNKS = 12
 _PER_RUN = ("truth", "estimate", "error", "nees", "status")
 _SOFTWARE = ("inscal", "numpy", "scipy", "numba", "xarray", "zarr", "dask")
 # what a store's numbers do not depend on
-_IRRELEVANT = ("cluster", "bounds", "only_run", "out", "a", "b", "accept")
+_IRRELEVANT = (
+    *("cluster", "bounds", "effects", "laboratory"),
+    *("only_run", "out", "a", "b", "accept"),
+)
 _IRRELEVANT_CAMPAIGN = ("batch", "store", "replace", "precision")
 
 

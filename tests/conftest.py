@@ -1,5 +1,7 @@
 """Shared fixtures: the reference case, read from the configuration like any campaign's."""
 
+import pipeline  # isort: skip # noqa: F401 - it limits the threads of BLAS, before numpy is there
+
 import dataclasses
 
 import pytest

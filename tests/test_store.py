@@ -239,6 +239,8 @@ SAME = [
     ["campaign.replace=true"],
     ["campaign.precision=0.1"],
     ["bounds.lever_arm_mm=1"],
+    ["effects.lever_arm_mm=1"],
+    ["laboratory.runs=7"],
     ["only_run=3"],
     ["out=file"],
     ["a=x", "b=y"],
@@ -266,7 +268,8 @@ def test_every_setting_is_known_to_matter_or_not():
     }
     groups = {key: value for key, value in settings.items() if isinstance(value, dict)}
     keys = {f"{group}.{key}" for group, values in groups.items() for key in values}
-    keys -= {key for key in keys if key.startswith(("cluster.", "bounds."))}
+    aside = ("cluster.", "bounds.", "effects.", "laboratory.")
+    keys -= {key for key in keys if key.startswith(aside)}
     keys -= {f"campaign.{key}" for key in ("batch", "store", "replace", "precision")}
     keys -= {"estimator.initial_std"}
     assert keys <= changed

@@ -1,0 +1,128 @@
+"""Free inertial navigation with height held: what compensated sensors are worth by themselves.
+
+Nothing is observed. Vertical velocity and height are set back to those of the site after every
+step, for an unaided vertical channel would lose the rest: its errors grow by e every 570 s.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from inscal import earth, navigation
+from inscal.kernel import KERNEL
+from inscal.motion import Motion, Site
+from inscal.navigation import advance, site_constants
+from inscal.sensor import compensate
+
+HORIZONTAL = 4
+"""Rows of a course: velocity North and East, then position North and East."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """Errors of free inertial navigation of a body that stays at its site.
+
+    Attributes
+    ----------
+    time : ndarray, shape (entries,)
+        s.
+    velocity : ndarray, shape (entries, 2, lanes)
+        North and East, m/s.
+    position : ndarray, shape (entries, 2, lanes)
+        North and East, m.
+    """
+
+    time: np.ndarray
+    velocity: np.ndarray
+    position: np.ndarray
+
+
+def fly(
+    sensors: np.ndarray, parameters: np.ndarray, motion: Motion, site: Site, *, every: int
+) -> Flight:
+    """Navigate records of a motion freely, from perfect alignment.
+
+    Parameters
+    ----------
+    sensors : ndarray, shape (steps, 6, lanes)
+        Reported increments, rad and m/s.
+    parameters : ndarray, shape (27, lanes)
+        What they are compensated by, SI.
+    motion : Motion
+    site : Site
+    every : int
+        Steps from one entry of the course to the next.
+
+    Returns
+    -------
+    Flight
+    """
+    lanes, entries = sensors.shape[2], motion.steps // every
+    state = initial_state(np.repeat(motion.initial_attitude[:, :, None], lanes, axis=2))
+    course = np.empty((entries, HORIZONTAL, lanes))
+    known = np.ascontiguousarray(parameters)
+    navigate(state, sensors, known, motion.duration, site_constants(site), every, course)
+    meridian, prime_vertical = earth.radii_of_curvature(np.sin(site.latitude))
+    metres = np.array(
+        [meridian + site.height, (prime_vertical + site.height) * np.cos(site.latitude)]
+    )
+    time = np.cumsum(motion.duration)[every - 1 :: every]
+    return Flight(time, course[:, :2], course[:, 2:] * metres[:, None])
+
+
+def initial_state(attitude: np.ndarray) -> np.ndarray:
+    """State of bodies at rest at the site.
+
+    Parameters
+    ----------
+    attitude : ndarray, shape (3, 3, lanes)
+        Body-to-NED matrices as assumed at the start.
+
+    Returns
+    -------
+    ndarray, shape (15, lanes)
+        Rows as in `inscal.navigation`.
+    """
+    lanes = attitude.shape[-1]
+    state = np.zeros((navigation.ROWS, lanes))
+    state[: navigation.VELOCITY] = attitude.reshape(9, lanes)
+    return state
+
+
+@njit(**KERNEL)
+def navigate(state, sensors, parameters, duration, site, every, course):
+    """Navigate all lanes through reported increments, height held.
+
+    Parameters
+    ----------
+    state : ndarray, shape (15, lanes)
+        Rows as in `inscal.navigation`; updated in place, so that a record may come in pieces.
+    sensors : ndarray, shape (steps, 6, lanes)
+        Reported angle (rad) and velocity increments (m/s), body axes.
+    parameters : ndarray, shape (27, lanes)
+        What the increments are compensated by, SI; zeros leave them as they are.
+    duration : ndarray, shape (steps,)
+        Length of each step, s.
+    site : tuple of float
+        From `inscal.navigation.site_constants`.
+    every : int
+        Steps from one entry of the course to the next.
+    course : ndarray, shape (steps // every, 4, lanes)
+        Filled with velocity North and East (m/s) and the offsets of latitude and longitude (rad).
+    """
+    for s in range(len(duration)):
+        for j in range(state.shape[1]):
+            angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
+            velocity = (sensors[s, 3, j], sensors[s, 4, j], sensors[s, 5, j])
+            angle, velocity = compensate(parameters, j, angle, velocity, duration[s])
+            advance(state, 0, j, angle, velocity, duration[s], site)
+            state[navigation.VELOCITY + 2, j] = 0.0
+            state[navigation.POSITION + 2, j] = 0.0
+        if (s + 1) % every == 0:
+            k = (s + 1) // every - 1
+            for j in range(state.shape[1]):
+                course[k, 0, j] = state[navigation.VELOCITY, j]
+                course[k, 1, j] = state[navigation.VELOCITY + 1, j]
+                course[k, 2, j] = state[navigation.POSITION, j]
+                course[k, 3, j] = state[navigation.POSITION + 1, j]

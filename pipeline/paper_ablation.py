@@ -1,0 +1,34 @@
+"""Stage `paper-ablation`: what leaving out quadratic terms and lever arms costs, and its figure.
+
+Usage: ``python -m pipeline.paper_ablation``, after the campaigns of the filters with fewer states.
+Writes ``ablation.md``, ``ablation.csv`` and ``ablation.png`` in ``results/paper``.
+"""
+
+from pathlib import Path
+
+from pipeline import figure_style as style
+from pipeline import findings
+from pipeline.ablation import TRUTHS, ablation_of, table
+from pipeline.ablation_plots import ablation_figure
+from pipeline.config import Config, stage
+from pipeline.output import write_text
+from pipeline.paper_ablation_text import ablation_text
+
+FOLDER = Path("results/paper")
+
+
+@stage
+def main(config: Config) -> None:
+    """Write page, table and figure."""
+    ablations = {truth: ablation_of(config, findings.RUNS / name) for truth, name in TRUTHS.items()}
+    style.save(ablation_figure(ablations), FOLDER / "ablation.png")
+    for name, text in (
+        ("ablation.md", ablation_text(config, ablations)),
+        ("ablation.csv", table(ablations)),
+    ):
+        write_text(FOLDER / name, text)
+        print(FOLDER / name)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,47 @@
+"""Stage `paper-structure`: the paper's path, its observability table and the unit of D2, judged.
+
+Usage: ``python -m pipeline.paper_structure``. Writes ``observability.md`` and ``quadratic_unit.md``
+with their tables and figures in ``results/paper``. Every verdict follows from the numbers.
+"""
+
+from pathlib import Path
+
+from pipeline import figure_style as style
+from pipeline.config import Config, stage
+from pipeline.observe import CONVENTIONS, share_table
+from pipeline.observe_plots import rank_figure, sigma_heat_map
+from pipeline.output import write_text
+from pipeline.paper_observability import SEARCHED, Structure, rank_table, readings_of, structure_of
+from pipeline.paper_quadratic_text import quadratic_text
+from pipeline.paper_structure_text import observability_text
+from pipeline.paper_tables import TABLE_2_RANKS
+
+FOLDER = Path("results/paper")
+
+
+def write_figures(config: Config, structure: Structure) -> None:
+    """Draw ranks and sigmas by position."""
+    setup = f"{len(structure.full.share)} positions, {config.noise.name} noise"
+    shown = {name: structure.counts[name].by_default.rank for name in (*CONVENTIONS, SEARCHED)}
+    style.save(rank_figure(TABLE_2_RANKS, shown), FOLDER / "ranks.png")
+    style.save(sigma_heat_map(structure.full.share, setup), FOLDER / "sigma_by_position.png")
+
+
+@stage
+def main(config: Config) -> None:
+    """Write pages, tables and figures."""
+    structure = structure_of(config)
+    write_figures(config, structure)
+    texts = {
+        "observability.md": observability_text(config, structure),
+        "quadratic_unit.md": quadratic_text(config, readings_of(config)),
+        "ranks.csv": rank_table(structure),
+        "sigma_by_position.csv": share_table(structure.full),
+    }
+    for name, text in texts.items():
+        write_text(FOLDER / name, text)
+        print(FOLDER / name)
+
+
+if __name__ == "__main__":
+    main()
