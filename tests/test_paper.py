@@ -17,7 +17,8 @@ Words.
 
 
 def test_page_holds_every_claim_and_no_other_table():
-    text = paper.page_of_claims({"accuracy": PAGE, "effects": PAGE.replace("**met**", "**not met**")})
+    other = PAGE.replace("**met**", "**not met**")
+    text = paper.page_of_claims({"accuracy": PAGE, "effects": other})
     assert "## What is claimed" in text
     assert text.count("| a | 1 | **met** |") == 1
     assert text.count("| a | 1 | **not met** |") == 1
