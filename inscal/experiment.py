@@ -5,7 +5,7 @@ outcome of a run depends on the experiment and its number alone, to the last bit
 runs went with it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,21 +83,10 @@ def run(experiment: Experiment, runs: Sequence[int], workspace: Workspace | None
     -------
     Outcome
     """
-    numbers = list(runs)
-    workspace = workspace or Workspace.of(experiment.motion)
-    truth = np.array([draw_truth(experiment.truth, experiment.seed, r) for r in numbers])
-    estimate = np.empty((len(numbers), COUNT))
-    for first in range(0, len(numbers), LANES):
-        part = slice(first, min(first + LANES, len(numbers)))
-        estimate[part] = _tile(experiment, numbers[part], truth[part], workspace)
-    failed = np.logical_not(np.isfinite(estimate).all(axis=1))
-    estimate[failed] = np.nan
-    modelled = experiment.estimator.predicted_std > 0
-    covariance = experiment.estimator.parameter_covariance[np.ix_(modelled, modelled)]
-    consistency = np.full(len(numbers), np.nan)
-    if not failed.all():
-        consistency[~failed] = nees((estimate - truth)[~failed][:, modelled], covariance)
-    return Outcome(truth, estimate, consistency, failed)
+    truth, estimate = np.empty((len(runs), COUNT)), np.empty((len(runs), COUNT))
+    for part, true, estimated in tiles(experiment, runs, workspace):
+        truth[part], estimate[part] = true, estimated
+    return _outcome(experiment.estimator, truth, estimate)
 
 
 def run_with_history(experiment: Experiment, number: int) -> tuple[Outcome, History]:
@@ -116,26 +105,66 @@ def run_with_history(experiment: Experiment, number: int) -> tuple[Outcome, Hist
     history : History
         With one lane.
     """
-    outcome = run(experiment, [number])
     full = empty_history(experiment.estimator.passes, experiment.motion.updates)
-    workspace = Workspace.of(experiment.motion)
-    _tile(experiment, [number], outcome.truth, workspace, history=full)
-    return outcome, History(full.estimate[..., :1], full.innovation[..., :1])
+    [(_, truth, estimate)] = tiles(experiment, [number], history=full)
+    history = History(full.estimate[..., :1], full.innovation[..., :1])
+    return _outcome(experiment.estimator, truth, estimate), history
 
 
-def _tile(experiment, numbers, truth, workspace, history=None) -> np.ndarray:
-    """Estimates, shape (runs, 27), of up to `LANES` runs; spare lanes repeat the last one."""
-    lanes = np.minimum(np.arange(LANES), len(numbers) - 1)
-    record = simulate(
-        truth[lanes].T,
-        experiment.motion,
-        experiment.noise,
-        experiment.initial,
-        seed=experiment.seed,
-        runs=[numbers[lane] for lane in lanes],
-        workspace=workspace,
-    )
-    estimate = calibrate(
-        record, experiment.motion, experiment.site, experiment.estimator, history=history
-    )
-    return estimate.T[: len(numbers)]
+def tiles(
+    experiment: Experiment,
+    runs: Sequence[int],
+    workspace: Workspace | None = None,
+    *,
+    history: History | None = None,
+) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+    """Simulate and calibrate runs, up to `LANES` at a time.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    runs : sequence of int
+        Run numbers, in any number and order.
+    workspace : Workspace, optional
+        Buffers to reuse; one thread at a time.
+    history : History, optional
+        Holds the course of the runs just yielded, in its first lanes, until the next are asked for.
+
+    Yields
+    ------
+    part : slice
+        Of `runs`.
+    truth, estimate : ndarray, shape (runs of the part, 27)
+        SI; estimates are not finite where a run diverged.
+    """
+    workspace = workspace or Workspace.of(experiment.motion)
+    for first in range(0, len(runs), LANES):
+        numbers = [int(number) for number in runs[first : first + LANES]]
+        used = len(numbers)
+        truth = np.array([draw_truth(experiment.truth, experiment.seed, r) for r in numbers])
+        lanes = np.minimum(np.arange(LANES), used - 1)  # spare lanes repeat the last run
+        record = simulate(
+            truth[lanes].T,
+            experiment.motion,
+            experiment.noise,
+            experiment.initial,
+            seed=experiment.seed,
+            runs=[numbers[lane] for lane in lanes],
+            workspace=workspace,
+        )
+        estimate = calibrate(
+            record, experiment.motion, experiment.site, experiment.estimator, history=history
+        )
+        yield slice(first, first + used), truth, estimate.T[:used]
+
+
+def _outcome(estimator: Estimator, truth: np.ndarray, estimate: np.ndarray) -> Outcome:
+    """Judge the estimates of some runs, shapes (runs, 27)."""
+    failed = np.logical_not(np.isfinite(estimate).all(axis=1))
+    estimate = np.where(failed[:, None], np.nan, estimate)
+    modelled = estimator.predicted_std > 0
+    consistency = np.full(len(truth), np.nan)
+    if not failed.all():
+        covariance = estimator.parameter_covariance[np.ix_(modelled, modelled)]
+        consistency[~failed] = nees((estimate - truth)[~failed][:, modelled], covariance)
+    return Outcome(truth, estimate, consistency, failed)

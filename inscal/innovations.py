@@ -16,12 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inscal.calibrator import calibrate, empty_history
-from inscal.experiment import Experiment
-from inscal.kernel import LANES
+from inscal.calibrator import empty_history
+from inscal.experiment import Experiment, tiles
 from inscal.parameters import COUNT
 from inscal.recursion import OBSERVED
-from inscal.simulation import Workspace, draw_truth, simulate
 from inscal.statistics import Bounded, autocorrelation, white_band, wilson_interval
 
 
@@ -65,32 +63,16 @@ def sample(
     Sample
     """
     passes, updates = experiment.estimator.passes, experiment.motion.updates
-    workspace, history = Workspace.of(experiment.motion), empty_history(passes, updates)
+    history = empty_history(passes, updates)
     covariance = [experiment.estimator.gains(p).innovation_covariance for p in range(passes)]
     result = Sample(
         np.empty((passes, updates, len(runs))),
         np.empty((passes, len(stretches), len(lags), OBSERVED, len(runs))),
-        np.array([draw_truth(experiment.truth, experiment.seed, r) for r in runs]),
-        np.empty((len(runs), COUNT)),
-        np.empty((len(runs), COUNT)),
+        *(np.empty((len(runs), COUNT)) for _ in range(3)),
     )
-    for first in range(0, len(runs), LANES):
-        part = slice(first, min(first + LANES, len(runs)))
-        lanes = np.minimum(first + np.arange(LANES), len(runs) - 1)  # spare lanes repeat the last
-        record = simulate(
-            result.truth[lanes].T,
-            experiment.motion,
-            experiment.noise,
-            experiment.initial,
-            seed=experiment.seed,
-            runs=[runs[lane] for lane in lanes],
-            workspace=workspace,
-        )
-        estimate = calibrate(
-            record, experiment.motion, experiment.site, experiment.estimator, history=history
-        )
-        used = part.stop - part.start
-        result.estimate[part] = estimate.T[:used]
+    for part, truth, estimate in tiles(experiment, runs, history=history):
+        used = len(truth)
+        result.truth[part], result.estimate[part] = truth, estimate
         result.first_estimate[part] = history.estimate[0, -1].T[:used]
         for number in range(passes):
             unit = whiten(history.innovation[number, :, :, :used], covariance[number])

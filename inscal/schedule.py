@@ -11,17 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-DIRECTIONS: dict[str, tuple[int, int, int]] = {
-    "North": (1, 0, 0),
-    "South": (-1, 0, 0),
-    "East": (0, 1, 0),
-    "West": (0, -1, 0),
-    "Down": (0, 0, 1),
-    "Up": (0, 0, -1),
-}
-"""Named directions as unit vectors in the North-East-Down frame."""
-
-AXES = "XYZ"
+from inscal.directions import DIRECTIONS
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from numba import njit
 from scipy.spatial.transform import Rotation
 
 from inscal.calibrator import Record
-from inscal.kernel import KERNEL, LANES
+from inscal.kernel import KERNEL, LANES, empty_aligned
 from inscal.motion import Motion
 from inscal.parameters import COUNT
 from inscal.recursion import InitialStd
@@ -105,7 +105,9 @@ class Workspace:
     @classmethod
     def of(cls, motion: Motion) -> "Workspace":
         """Buffers for a motion."""
-        return cls(np.empty((motion.steps, 6, LANES)), np.empty((motion.updates, 6, LANES)))
+        return cls(
+            empty_aligned((motion.steps, 6, LANES)), empty_aligned((motion.updates, 6, LANES))
+        )
 
     def fits(self, motion: Motion) -> bool:
         """Whether the buffers are of the size that a motion needs."""

@@ -12,9 +12,10 @@ import json
 import statistics
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import numpy as np
+from distributed import Client, wait
 from numba import njit
 
 from inscal.calibrator import calibrate
@@ -22,13 +23,17 @@ from inscal.experiment import Experiment, run
 from inscal.kernel import KERNEL, LANES
 from inscal.simulation import Workspace, draw_truth, generator, simulate
 from pipeline.build import build_experiment
+from pipeline.cluster import client
 from pipeline.config import Config, stage
 from pipeline.output import write_text
+from pipeline.simulate import batches
+from pipeline.worker import attempt
 
 _YARDSTICK = 342_000
 _ROUNDS = 9
 _TILES = 4
-_RUNS_PER_WORKER = 512
+_CAMPAIGN = 2000
+_SESSIONS = 5
 
 
 @njit(**KERNEL)
@@ -96,34 +101,33 @@ def cost(experiment: Experiment) -> dict[str, float]:
     }
 
 
-def throughput(experiment: Experiment) -> dict[str, float]:
-    """Runs per second of one and of two threads, and the efficiency of the second.
+def throughput(config: Config, experiment: Experiment) -> dict[str, float]:
+    """Runs per second of one and of two workers, and the efficiency of the second.
+
+    The workers are threads of dask that a campaign would have, and are given its batches.
 
     Parameters
     ----------
+    config : Config
     experiment : Experiment
 
     Returns
     -------
     dict of str to float
     """
-    spaces = [Workspace.of(experiment.motion) for _ in range(2)]
+    one, two = (replace(config.cluster, kind="threads", workers=count) for count in (1, 2))
+    with client(one) as single, client(two) as double:
 
-    def work(worker: int) -> None:
-        first = worker * _RUNS_PER_WORKER
-        run(experiment, range(first, first + _RUNS_PER_WORKER), spaces[worker])
+        def rate(workers: Client, count: int) -> float:
+            todo = list(batches(np.arange(_CAMPAIGN), config.campaign.batch, lambda: count))
+            futures = workers.map(lambda runs: attempt(experiment, runs), todo, pure=False)
+            return _CAMPAIGN / _seconds(lambda: wait(futures))
 
-    one, two = [], []
-    with ThreadPoolExecutor(2) as pool:
-        list(pool.map(work, range(2)))
-        for _ in range(3):
-            one.append(_RUNS_PER_WORKER / _seconds(lambda: work(0)))
-            two.append(2 * _RUNS_PER_WORKER / _seconds(lambda: list(pool.map(work, range(2)))))
-    ratio = statistics.median(b / a for a, b in zip(one, two, strict=True))
+        rates = np.array([[rate(single, 1), rate(double, 2)] for _ in range(_SESSIONS + 1)])[1:]
     return {
-        "runs_per_s_one_core": statistics.median(one),
-        "runs_per_s_two_cores": statistics.median(two),
-        "efficiency_of_two_cores": ratio / 2,
+        "runs_per_s_one_worker": float(np.median(rates[:, 0])),
+        "runs_per_s_two_workers": float(np.median(rates[:, 1])),
+        "efficiency_of_two_workers": float(np.median(rates[:, 1] / rates[:, 0])) / 2,
     }
 
 
@@ -133,7 +137,7 @@ def main(config: Config) -> None:
     build_experiment(config)  # compiles or loads what is compiled
     seconds = _seconds(lambda: build_experiment(config))
     experiment = build_experiment(config)
-    figures = {"setup_ms": 1e3 * seconds} | cost(experiment) | throughput(experiment)
+    figures = {"setup_ms": 1e3 * seconds} | cost(experiment) | throughput(config, experiment)
     for name, value in figures.items():
         print(f"{name:26} {value:10.3f}")
     if config.out:

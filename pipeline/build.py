@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inscal import parameters, schedule, units
+from inscal.directions import AXES
 from inscal.estimator import build_estimator
 from inscal.experiment import Experiment
 from inscal.motion import Site, build_motion
@@ -36,7 +37,7 @@ def build_schedule(config: Config) -> schedule.Schedule:
     return schedule.Schedule(
         initial_posture=(x, y, z),
         turns=tuple(
-            schedule.Turn(angle * units.DEGREE, schedule.AXES.index(axis))
+            schedule.Turn(angle * units.DEGREE, AXES.index(axis))
             for angle, axis in config.schedule.rotations
         ),
         position_duration=config.schedule.position_duration_s,

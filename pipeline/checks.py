@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from hydra.errors import MissingConfigException, OverrideParseException
 from omegaconf.errors import MissingMandatoryValue, OmegaConfBaseException
 
+from inscal.directions import DIRECTIONS
 from inscal.parameters import GROUPS, KIND_OF, KINDS
 
 if TYPE_CHECKING:
@@ -30,15 +31,6 @@ Rule = tuple[Callable[[Any], bool], str]
 
 _MAX_ANGLE_STEP_DEG = 14.0  # inside inscal.rotation.MAX_STEP_ANGLE, where its series are exact
 _RATIO_TOLERANCE = 1e-9  # rounding of decimal seconds, as in 20.7 / 0.1
-
-_DIRECTIONS: dict[str, tuple[int, int, int]] = {
-    "North": (1, 0, 0),
-    "South": (-1, 0, 0),
-    "East": (0, 1, 0),
-    "West": (0, -1, 0),
-    "Down": (0, 0, 1),
-    "Up": (0, 0, -1),
-}
 
 _CLUSTER_KEYS: dict[str, tuple[str, ...]] = {
     "threads": ("workers",),
@@ -245,10 +237,10 @@ def _check_schedule(config: "Config") -> None:
 
 
 def _check_posture(posture: list[str]) -> None:
-    key, allowed = "schedule.initial_posture", f"3 of {', '.join(_DIRECTIONS)}"
-    if len(posture) != 3 or any(name not in list(_DIRECTIONS) for name in posture):
+    key, allowed = "schedule.initial_posture", f"3 of {', '.join(DIRECTIONS)}"
+    if len(posture) != 3 or any(name not in list(DIRECTIONS) for name in posture):
         _fail(key, posture, allowed)
-    (x1, x2, x3), (y1, y2, y3), z = (_DIRECTIONS[name] for name in posture)
+    (x1, x2, x3), (y1, y2, y3), z = (DIRECTIONS[name] for name in posture)
     if (x2 * y3 - x3 * y2, x3 * y1 - x1 * y3, x1 * y2 - x2 * y1) != z:
         _fail(key, posture, f"{allowed}, at right angles and right-handed (North, East, Down is)")
 

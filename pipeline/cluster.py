@@ -11,6 +11,8 @@ from pipeline.config import Cluster, DataError
 from pipeline.output import complain
 
 _SETTINGS = {
+    # nobody looks at its samples, and every one of them stops all threads
+    "distributed.worker.profile.enabled": False,
     "distributed.comm.timeouts.connect": "10s",
     # the experiment, some 60 MB, is the argument of a task
     "distributed.admin.large-graph-warning-threshold": "1 GB",

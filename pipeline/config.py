@@ -203,7 +203,7 @@ class Campaign:
     seed : int
         Seed of all random draws.
     batch : int
-        Runs computed together.
+        Most runs computed together.
     store : str
         Path of the run store.
     replace : bool

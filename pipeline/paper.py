@@ -8,8 +8,8 @@ from pathlib import Path
 
 from pipeline.config import Config, DataError, stage
 from pipeline.output import write_text
+from pipeline.paper_page import FOLDER
 
-FOLDER = Path("results/paper")
 PAGES = (
     "observability",
     "accuracy",

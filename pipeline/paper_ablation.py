@@ -4,8 +4,6 @@ Usage: ``python -m pipeline.paper_ablation``, after the campaigns of the filters
 Writes ``ablation.md``, ``ablation.csv`` and ``ablation.png`` in ``results/paper``.
 """
 
-from pathlib import Path
-
 from pipeline import figure_style as style
 from pipeline import findings
 from pipeline.ablation import TRUTHS, ablation_of, table
@@ -13,8 +11,7 @@ from pipeline.ablation_plots import ablation_figure
 from pipeline.config import Config, stage
 from pipeline.output import write_text
 from pipeline.paper_ablation_text import ablation_text
-
-FOLDER = Path("results/paper")
+from pipeline.paper_page import FOLDER
 
 
 @stage

@@ -8,27 +8,23 @@ the percentiles of several, of the first pass alone, which is the classical filt
 
 import json
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from inscal.calibrator import calibrate, empty_history
-from inscal.experiment import Experiment
-from inscal.kernel import LANES
+from inscal.calibrator import empty_history
+from inscal.experiment import Experiment, tiles
 from inscal.parameters import INDEX, NAMES, UNITS
-from inscal.simulation import Workspace, draw_truth, simulate
 from pipeline import build, paper_values
 from pipeline import figure_style as style
 from pipeline import markdown as md
 from pipeline import paper_verdicts as verdicts
 from pipeline.checks import ConfigError
 from pipeline.config import Config, stage
-from pipeline.output import write_text
+from pipeline.paper_page import write_page
 from pipeline.paper_verdicts import Verdict
 
-FOLDER = Path("results/paper")
 QUADRATIC, LEVER_ARM = "accel_quadratic", "lever_arm"
 GROUPS = (QUADRATIC, LEVER_ARM)
 
@@ -72,24 +68,11 @@ class Study:
 def first_pass_errors(experiment: Experiment, runs: int, every: int) -> np.ndarray:
     """Errors over the first pass, at every so many updates, shape (points, 27, runs), SI."""
     updates = experiment.motion.updates
-    workspace, history = Workspace.of(experiment.motion), empty_history(1, updates)
+    history = empty_history(1, updates)
     out = np.empty((updates // every, len(NAMES), runs))
-    for first in range(0, runs, LANES):
-        numbers = list(range(first, first + LANES))  # more than asked for in the last tile
-        truth = np.array([draw_truth(experiment.truth, experiment.seed, r) for r in numbers]).T
-        record = simulate(
-            truth,
-            experiment.motion,
-            experiment.noise,
-            experiment.initial,
-            seed=experiment.seed,
-            runs=numbers,
-            workspace=workspace,
-        )
-        calibrate(record, experiment.motion, experiment.site, experiment.estimator, history=history)
-        used = min(LANES, runs - first)
-        part = history.estimate[0, every - 1 :: every, :, :used] - truth[:, :used]
-        out[:, :, first : first + used] = part
+    for part, truth, _ in tiles(experiment, range(runs), history=history):
+        course = history.estimate[0, every - 1 :: every, :, : len(truth)]
+        out[:, :, part] = course - truth.T
     return out
 
 
@@ -312,10 +295,7 @@ def numbers(study: Study) -> str:
 def main(config: Config) -> None:
     """Write the report, its numbers and its figure."""
     study = study_of(config)
-    write_text(FOLDER / "convergence.json", numbers(study))
-    write_text(FOLDER / "convergence.md", text(study))
-    style.save(figure(study), FOLDER / "convergence.png")
-    print(FOLDER / "convergence.md")
+    write_page("convergence", text(study), numbers(study), figure(study))
 
 
 if __name__ == "__main__":

@@ -7,26 +7,24 @@ Writes ``results/paper/effects.md``, ``.json`` and ``.png``.
 
 import json
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from inscal import effects, units
+from inscal.directions import AXES
 from inscal.effects import Course, Environment
 from inscal.motion import Site
 from inscal.parameters import COUNT, INDEX
-from inscal.schedule import AXES
 from pipeline import build, paper_values
 from pipeline import figure_style as style
 from pipeline import markdown as md
 from pipeline import paper_verdicts as verdicts
 from pipeline.config import Config, stage
-from pipeline.output import write_text
+from pipeline.paper_page import write_page
 from pipeline.paper_verdicts import Verdict
 
-FOLDER = Path("results/paper")
 QUADRATIC, LEVER_ARM = "quadratic term", "inner lever arm"
 CASES = (QUADRATIC, LEVER_ARM)
 REST, VIBRATION, SWING = "rest", "vibration", "swing"
@@ -300,10 +298,7 @@ def numbers(study: Study) -> str:
 def main(config: Config) -> None:
     """Write the report, its numbers and its figure."""
     study = study_of(config)
-    write_text(FOLDER / "effects.json", numbers(study))
-    write_text(FOLDER / "effects.md", text(study))
-    style.save(figure(study), FOLDER / "effects.png")
-    print(FOLDER / "effects.md")
+    write_page("effects", text(study), numbers(study), figure(study))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,8 @@ import pandas as pd
 
 from inscal import observability as obs
 from inscal import units
-from inscal.schedule import AXES, Schedule, postures
+from inscal.directions import AXES
+from inscal.schedule import Schedule, postures
 from pipeline import build
 from pipeline.config import Config, load
 from pipeline.observe import CONVENTIONS, Course, course_of, rank_counts

@@ -4,19 +4,16 @@ Usage: ``python -m pipeline.paper_structure``. Writes ``observability.md`` and `
 with their tables and figures in ``results/paper``. Every verdict follows from the numbers.
 """
 
-from pathlib import Path
-
 from pipeline import figure_style as style
 from pipeline.config import Config, stage
 from pipeline.observe import CONVENTIONS, share_table
 from pipeline.observe_plots import rank_figure, sigma_heat_map
 from pipeline.output import write_text
 from pipeline.paper_observability import SEARCHED, Structure, rank_table, readings_of, structure_of
+from pipeline.paper_page import FOLDER
 from pipeline.paper_quadratic_text import quadratic_text
 from pipeline.paper_structure_text import observability_text
 from pipeline.paper_tables import TABLE_2_RANKS
-
-FOLDER = Path("results/paper")
 
 
 def write_figures(config: Config, structure: Structure) -> None:

@@ -5,9 +5,11 @@ Usage: ``python -m pipeline.simulate [schedule=...] [noise=...] [truth=...] [cam
 soon as every RMSE is known to five per cent (half of its 95 % interval).
 """
 
+import gc
 import json
 import math
 import time
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from itertools import islice
 from pathlib import Path
@@ -18,6 +20,7 @@ from dask.typing import Key
 from distributed import Client, as_completed
 
 from inscal.experiment import Outcome, run_with_history
+from inscal.kernel import LANES
 from inscal.parameters import NAMES, UNITS
 from pipeline import store
 from pipeline.build import build_experiment, build_schedule, si_units, warnings
@@ -29,18 +32,37 @@ from pipeline.worker import attempt, share
 
 _FLUSH_INTERVAL_S = 2.0
 _QUEUED_PER_WORKER = 4
+_SHARES = 2
 _FIRST_LOOK = 200
 _LOOK_GROWTH = 1.2
 
 
-def batches(pending: np.ndarray, size: int) -> list[list[int]]:
-    """Pending run numbers in batches of at most `size` consecutive runs."""
-    gaps = np.flatnonzero(np.diff(pending) > 1) + 1
-    return [
-        stretch[first : first + size].tolist()
-        for stretch in np.split(pending, gaps)
-        for first in range(0, len(stretch), size)
-    ]
+def batches(pending: np.ndarray, largest: int, threads: Callable[[], int]) -> Iterator[list[int]]:
+    """Pending run numbers in batches of consecutive runs.
+
+    Large ones first, since every batch costs its dispatch, and smaller ones towards the end, so
+    that no worker is left with much when the others are done.
+
+    Parameters
+    ----------
+    pending : ndarray of int
+        Ascending.
+    largest : int
+        Most runs of a batch.
+    threads : callable
+        Gives how many threads work; asked every time, since workers may join at any time.
+
+    Yields
+    ------
+    list of int
+    """
+    while len(pending):
+        share = len(pending) / (_SHARES * threads())
+        size = min(largest, LANES * math.ceil(share / LANES))
+        stretch = pending[:size]
+        batch = stretch[stretch - stretch[0] == np.arange(len(stretch))]
+        yield batch.tolist()
+        pending = pending[len(batch) :]
 
 
 def simulate_campaign(config: Config) -> None:
@@ -60,6 +82,7 @@ def simulate_campaign(config: Config) -> None:
     target = store.open_store(config, experiment.estimator.predicted_std / si_units(config))
     pending = store.pending(target)
     runs, wanted = config.campaign.runs, config.campaign.precision
+    gc.freeze()  # a full collection looks at all that was imported, and stops every thread for it
     name = Path(config.campaign.store).name
     with (
         client(config.cluster) if len(pending) else nullcontext() as workers,
@@ -69,7 +92,7 @@ def simulate_campaign(config: Config) -> None:
             return
         shared = workers.submit(share, experiment, pure=False)
         for limit in [runs] if wanted is None else checkpoints(runs):
-            todo = batches(pending[pending < limit], config.campaign.batch)
+            todo = pending[pending < limit]
             pending = pending[pending >= limit]
             _fan_out(config, shared, todo, target, workers, progress)
             if wanted is not None and (precision := store.precision(target, limit)) < wanted:
@@ -90,15 +113,18 @@ def checkpoints(runs: int) -> list[int]:
 
 def _fan_out(config, shared, todo, target, workers: Client, progress) -> None:
     """Keep every worker supplied, write what comes back, release it."""
-    waiting = iter(todo)
     finished: list[tuple[list[int], Outcome]] = []
     flushed = time.monotonic()
     futures = as_completed(with_results=False)
     numbers: dict[Key, list[int]] = {}
 
+    def threads() -> int:
+        return max(1, sum(workers.nthreads().values()))
+
+    waiting = batches(todo, config.campaign.batch, threads)
+
     def supply() -> None:
-        # asked every time, since workers may join at any time
-        wanted = _QUEUED_PER_WORKER * max(1, sum(workers.nthreads().values()))
+        wanted = _QUEUED_PER_WORKER * threads()
         for runs in islice(waiting, max(0, wanted - len(numbers))):
             future = workers.submit(attempt, shared, runs, pure=False)
             numbers[future.key] = runs

@@ -19,8 +19,8 @@ import numpy as np
 import xarray as xr
 import zarr
 
-import inscal
 from inscal.experiment import Outcome
+from inscal.kernel import source_digest
 from inscal.parameters import COUNT, NAMES, UNITS
 from inscal.statistics import rmse_half_width_relative
 from pipeline.build import si_units
@@ -41,7 +41,7 @@ _IRRELEVANT_CAMPAIGN = ("batch", "store", "replace", "precision")
 
 
 def fingerprint(config: Config) -> str:
-    """Digest of all that decides a store's numbers: configuration and library source.
+    """Digest of all that decides a store's numbers: configuration and source of the library.
 
     Parameters
     ----------
@@ -56,10 +56,8 @@ def fingerprint(config: Config) -> str:
     settings["campaign"] = {
         k: v for k, v in settings["campaign"].items() if k not in _IRRELEVANT_CAMPAIGN
     }
-    digest = hashlib.sha256(json.dumps(settings, sort_keys=True).encode())
-    for source in sorted(Path(inscal.__path__[0]).glob("*.py")):
-        digest.update(source.read_bytes())
-    return digest.hexdigest()
+    text = json.dumps(settings, sort_keys=True) + source_digest()
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def open_store(config: Config, predicted_std: np.ndarray) -> zarr.Group:

@@ -16,6 +16,7 @@ import zarr
 from campaigns import SHORT, assert_same_store, error_lines, files, make, run_stage, short
 from distributed import LocalCluster, get_client
 
+from inscal.kernel import LANES
 from inscal.parameters import COUNT, NAMES, UNITS
 from pipeline import cluster, progress, simulate, store, worker
 from pipeline.build import build_experiment, si_units
@@ -99,11 +100,27 @@ def test_a_campaign_is_the_head_of_a_longer_one(tmp_path, reference):
         assert head.tobytes() == store.read(reference)[name].values.tobytes()
 
 
+def batches(pending, largest, threads):
+    return list(simulate.batches(np.array(pending, dtype=int), largest, lambda: threads))
+
+
 def test_batches_are_consecutive_and_hold_every_pending_run_once():
-    pending = np.array([0, 1, 2, 3, 7, 8, 20])
-    assert simulate.batches(pending, 3) == [[0, 1, 2], [3], [7, 8], [20]]
-    assert simulate.batches(pending, 100) == [[0, 1, 2, 3], [7, 8], [20]]
-    assert simulate.batches(np.array([], dtype=int), 3) == []
+    pending = [0, 1, 2, 3, 7, 8, 20]
+    assert batches(pending, 3, 1) == [[0, 1, 2], [3], [7, 8], [20]]
+    assert batches(pending, 100, 1) == [[0, 1, 2, 3], [7, 8], [20]]
+    assert batches([], 3, 1) == []
+
+
+@pytest.mark.parametrize("threads", [1, 2, 7])
+def test_batches_shrink_towards_the_end(threads):
+    split = batches(range(2000), 256, threads)
+    sizes = [len(batch) for batch in split]
+    assert [run for batch in split for run in batch] == list(range(2000))
+    assert sizes == sorted(sizes, reverse=True)
+    assert max(sizes) <= 256
+    assert all(size % LANES == 0 for size in sizes[:-1])
+    assert sizes[-1] <= LANES
+    assert len(split) >= threads
 
 
 # clusters elsewhere

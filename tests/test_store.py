@@ -3,6 +3,7 @@
 import json
 import math
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import xarray as xr
 import zarr
 from campaigns import SHORT, assert_same_store, files, make, short
 
+from inscal import kernel
 from inscal.experiment import Outcome
 from inscal.parameters import COUNT, NAMES, UNITS
 from pipeline import store
@@ -276,18 +278,19 @@ def test_every_setting_is_known_to_matter_or_not():
     assert settings.keys() - groups.keys() == {"only_run", "out", "a", "b", "accept"}
 
 
-def test_fingerprint_changes_with_the_library(tmp_path, monkeypatch):
+def test_fingerprint_changes_with_the_source_of_what_a_run_needs(tmp_path, monkeypatch):
     copy = tmp_path / "inscal"
     shutil.copytree(
-        store.inscal.__path__[0], copy, ignore=shutil.ignore_patterns("*.nb?", "__pycache__")
+        Path(kernel.__file__).parent, copy, ignore=shutil.ignore_patterns("*.nb?", "__pycache__")
     )
     config = load(SHORT)
     before = store.fingerprint(config)
-    monkeypatch.setattr(store.inscal, "__path__", [str(copy)])
+    monkeypatch.setattr(kernel, "__file__", str(copy / "kernel.py"))
     assert store.fingerprint(config) == before
-    source = copy / "earth.py"
-    source.write_text(source.read_text() + "\n")
-    assert store.fingerprint(config) != before
+    for name, decides in (("summary", False), ("earth", True)):
+        source = copy / f"{name}.py"
+        source.write_text(source.read_text() + "\n")
+        assert (store.fingerprint(config) != before) == decides
 
 
 # what is in the way
