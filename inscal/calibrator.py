@@ -62,7 +62,8 @@ class History:
     Attributes
     ----------
     estimate : ndarray, shape (passes, updates, 27, LANES)
-        Parameters, SI.
+        Parameters, SI, as the pass itself has them. The last of a later pass is not yet its result,
+        which is translated from it (`inscal.estimator`).
     innovation : ndarray, shape (passes, updates, 6, LANES)
         Navigated minus observed, m/s and m.
     """

@@ -11,13 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from inscal.calibrator import History, calibrate, empty_history
-from inscal.estimator import Estimator
+from inscal.estimator import Estimator, build_estimator
 from inscal.kernel import LANES
-from inscal.motion import Motion, Site
+from inscal.motion import Motion, Site, build_motion
 from inscal.parameters import COUNT
 from inscal.recursion import InitialStd
+from inscal.schedule import Schedule
 from inscal.simulation import TruthModel, Workspace, draw_truth, simulate
-from inscal.state_model import NoiseModel
+from inscal.state_model import NoiseModel, StateModel
 from inscal.statistics import nees
 
 
@@ -47,6 +48,73 @@ class Experiment:
     noise: NoiseModel
     initial: InitialStd
     estimator: Estimator
+
+
+def prepare(
+    seed: int,
+    schedule: Schedule,
+    site: Site,
+    noise: NoiseModel,
+    initial: InitialStd,
+    truth: TruthModel,
+    *,
+    model: StateModel | None = None,
+    passes: int,
+    update_interval: float,
+    dwell_step: float,
+    turn_step: float,
+) -> Experiment:
+    """Experiment whose filter is right about noise and initial errors; computes the gains.
+
+    Parameters
+    ----------
+    seed : int
+    schedule : Schedule
+    site : Site
+    noise : NoiseModel
+        Of the sensors and observations, and what the filter believes of them.
+    initial : InitialStd
+        Spread of the initial errors, and the filter's prior.
+    truth : TruthModel
+        Distribution of the true parameters.
+    model : StateModel, optional
+        What the filter estimates; all parameters if not given.
+    passes : int
+    update_interval, dwell_step, turn_step : float
+        s.
+
+    Returns
+    -------
+    Experiment
+
+    Raises
+    ------
+    ValueError
+        If the schedule is not a whole number of update intervals long, or a turn does not fit.
+    """
+    return Experiment(
+        seed=seed,
+        site=site,
+        motion=build_motion(
+            schedule,
+            site,
+            update_interval=update_interval,
+            dwell_step=dwell_step,
+            turn_step=turn_step,
+        ),
+        truth=truth,
+        noise=noise,
+        initial=initial,
+        estimator=build_estimator(
+            schedule,
+            site,
+            model or StateModel(),
+            noise,
+            initial,
+            update_interval=update_interval,
+            passes=passes,
+        ),
+    )
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,14 @@ body axis at a constant rate, dwells again, and so on. Every position lasts equa
 included; the last one only dwells (paper section 4, Table 1).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from inscal.directions import DIRECTIONS
+from inscal.directions import AXES, DIRECTIONS
+from inscal.units import DEGREE
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,11 @@ class Turn:
 
     angle: float
     axis: int
+
+
+def turns_of(rotations: Iterable[tuple[float, str]]) -> tuple[Turn, ...]:
+    """Turns from angles in degrees and names of body axes, such as ``(-90.0, "Y")``."""
+    return tuple(Turn(angle * DEGREE, AXES.index(axis)) for angle, axis in rotations)
 
 
 @dataclass(frozen=True)

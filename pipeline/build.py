@@ -4,10 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inscal import parameters, schedule, units
-from inscal.directions import AXES
-from inscal.estimator import build_estimator
-from inscal.experiment import Experiment
-from inscal.motion import Site, build_motion
+from inscal.experiment import Experiment, prepare
+from inscal.motion import Site
 from inscal.recursion import InitialStd
 from inscal.simulation import TruthModel
 from inscal.state_model import NoiseModel, StateModel
@@ -36,10 +34,7 @@ def build_schedule(config: Config) -> schedule.Schedule:
     x, y, z = config.schedule.initial_posture
     return schedule.Schedule(
         initial_posture=(x, y, z),
-        turns=tuple(
-            schedule.Turn(angle * units.DEGREE, AXES.index(axis))
-            for angle, axis in config.schedule.rotations
-        ),
+        turns=schedule.turns_of((angle, axis) for angle, axis in config.schedule.rotations),
         position_duration=config.schedule.position_duration_s,
         turn_rate=config.schedule.turn_rate_deg_per_s * units.DEGREE,
     )
@@ -82,33 +77,18 @@ def build_experiment(config: Config) -> Experiment:
     -------
     Experiment
     """
-    path, site, noise = build_schedule(config), build_site(config), build_noise(config)
-    initial = build_initial_std(config)
-    interval = config.estimator.update_interval_s
-    return Experiment(
-        seed=config.campaign.seed,
-        site=site,
-        motion=build_motion(
-            path,
-            site,
-            update_interval=interval,
-            dwell_step=config.simulation.dwell_step_s,
-            turn_step=config.simulation.turn_step_s,
-        ),
-        truth=TruthModel(
-            config.truth.distribution, parameter_vector(config.truth) * si_units(config)
-        ),
-        noise=noise,
-        initial=initial,
-        estimator=build_estimator(
-            path,
-            site,
-            StateModel(tuple(config.estimator.states)),
-            noise,
-            initial,
-            update_interval=interval,
-            passes=config.estimator.passes,
-        ),
+    return prepare(
+        config.campaign.seed,
+        build_schedule(config),
+        build_site(config),
+        build_noise(config),
+        build_initial_std(config),
+        TruthModel(config.truth.distribution, parameter_vector(config.truth) * si_units(config)),
+        model=StateModel(tuple(config.estimator.states)),
+        passes=config.estimator.passes,
+        update_interval=config.estimator.update_interval_s,
+        dwell_step=config.simulation.dwell_step_s,
+        turn_step=config.simulation.turn_step_s,
     )
 
 

@@ -3,9 +3,8 @@ import pytest
 from conftest import paper_schedule
 
 from inscal import parameters
-from inscal.estimator import build_estimator
-from inscal.experiment import Experiment, run, run_with_history
-from inscal.motion import Site, build_motion
+from inscal.experiment import prepare, run, run_with_history
+from inscal.motion import Site
 from inscal.recursion import InitialStd
 from inscal.simulation import TruthModel, Workspace
 from inscal.state_model import NoiseModel, StateModel
@@ -17,16 +16,18 @@ STD = InitialStd(np.deg2rad([0.1, 0.1, 0.5]), 0.01, 1.0, SIZE)
 
 
 def experiment_on(schedule, truth=None, model=None):
-    return Experiment(
-        seed=3,
-        site=SITE,
-        motion=build_motion(schedule, SITE, update_interval=1.0, dwell_step=1.0, turn_step=0.2),
-        truth=truth or TruthModel("normal", SIZE),
-        noise=NOISE,
-        initial=STD,
-        estimator=build_estimator(
-            schedule, SITE, model or StateModel(), NOISE, STD, update_interval=1.0, passes=2
-        ),
+    return prepare(
+        3,
+        schedule,
+        SITE,
+        NOISE,
+        STD,
+        truth or TruthModel("normal", SIZE),
+        model=model,
+        passes=2,
+        update_interval=1.0,
+        dwell_step=1.0,
+        turn_step=0.2,
     )
 
 
