@@ -22,7 +22,7 @@ from inscal.parameters import COUNT, NAMES
 from inscal.regression import Sample
 from inscal.simulation import Workspace
 from pipeline.config import Config, DataError, resolved
-from pipeline.output import write_text
+from pipeline.output import write_json, write_text
 
 RUNS = 128
 """Runs of the gate's campaign; a multiple of the kernels' lanes."""
@@ -111,7 +111,7 @@ def write_baseline(folder: Path, sample: Sample, config: Config, reason: str) ->
     }
     for name, text in texts.items():
         write_text(folder / f"{name}.csv", text)
-    write_text(folder / "baseline.json", json.dumps(about, indent=1) + "\n")
+    write_json(folder / "baseline.json", about)
 
 
 def read_baseline(folder: Path) -> tuple[Sample, dict[str, Any]]:

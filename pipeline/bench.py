@@ -6,6 +6,12 @@ F is the time to draw 342 000 standard normals once, as fast as is known here: S
 a compiled loop. So many a 25-position calibration takes in steps of 1 s at rest and 0.01 s in
 turns. R is the time of one complete run, simulation, all passes and NEES. Both are measured in turn
 in one process, so their ratio holds where the machine's speed drifts.
+
+For example::
+
+    python -m pipeline.bench out=bench.json
+
+Reads: out schedule noise truth estimator campaign.batch site simulation sensor.
 """
 
 import json
@@ -26,6 +32,7 @@ from pipeline.build import build_experiment
 from pipeline.cluster import client
 from pipeline.config import Config, stage
 from pipeline.output import write_text
+from pipeline.progress import track
 from pipeline.simulate import batches
 from pipeline.worker import attempt
 
@@ -91,7 +98,7 @@ def cost(experiment: Experiment) -> dict[str, float]:
     for call, _ in calls.values():
         call()
     times: dict[str, list[float]] = {name: [] for name in calls}
-    for _ in range(_ROUNDS):
+    for _ in track(range(_ROUNDS), "one run"):
         for name, (call, count) in calls.items():
             times[name].append(1e3 * _seconds(call) / count)
     ratio = [r / f for r, f in zip(times["R_ms"], times["F_ms"], strict=True)]
@@ -123,7 +130,8 @@ def throughput(config: Config, experiment: Experiment) -> dict[str, float]:
             futures = workers.map(lambda runs: attempt(experiment, runs), todo, pure=False)
             return _CAMPAIGN / _seconds(lambda: wait(futures))
 
-        rates = np.array([[rate(single, 1), rate(double, 2)] for _ in range(_SESSIONS + 1)])[1:]
+        sessions = track(range(_SESSIONS + 1), "campaigns of one and two workers")
+        rates = np.array([[rate(single, 1), rate(double, 2)] for _ in sessions])[1:]
     return {
         "runs_per_s_one_worker": float(np.median(rates[:, 0])),
         "runs_per_s_two_workers": float(np.median(rates[:, 1])),

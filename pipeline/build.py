@@ -1,5 +1,8 @@
 """From configuration to library objects: where paper units become SI."""
 
+from pathlib import Path
+
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +13,7 @@ from inscal.recursion import InitialStd
 from inscal.simulation import TruthModel
 from inscal.state_model import NoiseModel, StateModel
 from pipeline.config import Config, KindValues
+from pipeline.progress import note
 
 
 def quadratic_unit(config: Config) -> float:
@@ -77,6 +81,8 @@ def build_experiment(config: Config) -> Experiment:
     -------
     Experiment
     """
+    if not Path(getattr(numba.config, "CACHE_DIR", ".")).exists():
+        note("compiling the kernels, once: some ten seconds")
     return prepare(
         config.campaign.seed,
         build_schedule(config),

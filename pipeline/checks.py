@@ -125,6 +125,10 @@ PASSES: Rule = (lambda v: 1 <= v <= 10, "an integer from 1 to 10")
 COUNT: Rule = (lambda v: v >= 1, "an integer >= 1")
 INDEX: Rule = (lambda v: v >= 0, "an integer >= 0")
 STORE: Rule = (lambda v: v.strip() != "", "a path, not empty")
+STORES: Rule = (
+    lambda v: len(set(v)) == len(v) > 0 and all(map(STORE[0], v)),
+    "a list of one or more paths, each once",
+)
 FILE: Rule = (lambda v: v.strip() != "" and not Path(v).is_dir(), "the path of a file")
 REASON: Rule = (lambda v: v.strip() != "", "the reason in words, not empty")
 NAME: Rule = _matching(
@@ -196,6 +200,7 @@ _OPTIONAL_RULES: dict[str, Rule] = {
     "out": FILE,
     "a": STORE,
     "b": STORE,
+    "campaigns": STORES,
     "accept": REASON,
 }
 """Rules of keys that may be null."""

@@ -1,14 +1,20 @@
 """Where batches run: a dask client of the kind the configuration names."""
 
+import asyncio
+import logging
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, nullcontext
 
 import dask
-from distributed import Client, LocalCluster
+from dask.utils import parse_timedelta
+from distributed import Client, LocalCluster, Security
+from distributed.core import rpc
 
+from pipeline import interrupts
 from pipeline.config import Cluster, DataError
 from pipeline.output import complain
+from pipeline.worker import say_nothing_of_cancelled_batches
 
 _SETTINGS = {
     # nobody looks at its samples, and every one of them stops all threads
@@ -18,6 +24,8 @@ _SETTINGS = {
     "distributed.admin.large-graph-warning-threshold": "1 GB",
 }
 _WORKER_TIMEOUT_S = 30
+# a scheduler serves HTTP even so; without an address on port 8787, and warns where that is taken
+_NO_DASHBOARD = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
 
 
 def check(cluster: Cluster) -> None:
@@ -61,26 +69,41 @@ def client(cluster: Cluster) -> Iterator[Client]:
     DataError
         If a scheduler does not answer or has no workers, or dask-jobqueue is missing.
     """
-    with dask.config.set(_SETTINGS):
-        if cluster.kind == "scheduler":
-            with _connect(cluster) as connected:
-                yield connected
-        else:
-            with _start(cluster) as started, Client(started) as connected:
-                if cluster.kind == "slurm":
-                    complain(["waiting for SLURM to start a job"])
-                    connected.wait_for_workers(1)
-                yield connected
+    with dask.config.set(_SETTINGS), ExitStack() as stack:
+        try:
+            if cluster.kind == "scheduler":
+                connected = stack.enter_context(_connect(cluster))
+            else:
+                with interrupts.held():
+                    connected = stack.enter_context(Client(stack.enter_context(_start(cluster))))
+            if cluster.kind == "processes":
+                connected.run(say_nothing_of_cancelled_batches)
+            if cluster.kind == "slurm":
+                complain(["waiting for SLURM to start a job"])
+                connected.wait_for_workers(1)
+            yield connected
+        except (KeyboardInterrupt, SystemExit):
+            # what the batches that are given up have to say of it
+            logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
+            raise
+        finally:
+            with interrupts.held():
+                stack.close()
 
 
 def _connect(cluster: Cluster) -> Client:
-    where = f"cluster.address = {cluster.address}"
+    address = cluster.address
+    where = f"cluster.address = {address}"
     try:
-        connected = Client(cluster.address)
-    except OSError:
+        # asked first, for a client waits for ever where something else takes its connection
+        answer = asyncio.run(asyncio.wait_for(_identity(address), _answer_timeout()))
+    except (OSError, ValueError):
         raise DataError(f"{where}: no scheduler answers") from None
     except TypeError:  # what distributed says of TLS without certificates
         raise DataError(f"{where}: tls needs certificates in dask's own configuration") from None
+    if answer.get("type") != "Scheduler":
+        raise DataError(f"{where}: no scheduler answers") from None
+    connected = Client(address)
     try:
         connected.wait_for_workers(1, timeout=_WORKER_TIMEOUT_S)
     except TimeoutError:
@@ -89,18 +112,31 @@ def _connect(cluster: Cluster) -> Client:
     return connected
 
 
+def _answer_timeout() -> float:
+    return parse_timedelta(dask.config.get("distributed.comm.timeouts.connect"))
+
+
+async def _identity(address: str | None) -> dict:
+    tls = Security().get_connection_args("client")
+    async with rpc(address, connection_args=tls) as remote:
+        return await remote.identity()
+
+
 def _start(cluster: Cluster):
     if cluster.kind == "slurm":
         jobs = slurm(cluster)
         jobs.scale(jobs=cluster.workers)
         return jobs
-    return LocalCluster(
-        processes=cluster.kind == "processes",
-        n_workers=cluster.workers if cluster.kind == "processes" else 1,
-        threads_per_worker=1 if cluster.kind == "processes" else cluster.workers,
-        dashboard_address=None,
-        host="127.0.0.1" if cluster.kind == "processes" else None,
-    )
+    processes = cluster.kind == "processes"
+    with interrupts.kept_from_children() if processes else nullcontext():
+        return LocalCluster(
+            processes=processes,
+            n_workers=cluster.workers if processes else 1,
+            threads_per_worker=1 if processes else cluster.workers,
+            dashboard_address=None,
+            scheduler_kwargs=_NO_DASHBOARD,
+            host="127.0.0.1" if processes else None,
+        )
 
 
 def slurm(cluster: Cluster):
@@ -122,5 +158,5 @@ def slurm(cluster: Cluster):
         processes=1,
         memory=cluster.memory,
         walltime=cluster.walltime,
-        scheduler_options={"dashboard_address": None},
+        scheduler_options=_NO_DASHBOARD,
     )

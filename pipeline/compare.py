@@ -2,21 +2,26 @@
 
 Usage: ``python -m pipeline.compare a=STORE b=STORE [out=FILE.csv]``. Both campaigns must share the
 seed and the truth; they may differ in anything else. A ratio above one means that `a` is worse.
+
+For example::
+
+    python -m pipeline.compare a=results/runs/one_pass b=results/runs/two_pass out=passes.csv
+
+Reads: a b out.
 """
 
-import json
 from pathlib import Path
 
 import xarray as xr
-from rich.console import Console
-from rich.table import Table
 
 from inscal.summary import compare
 from pipeline import store
+from pipeline.baseline import differences
 from pipeline.config import Config, ConfigError, DataError, stage
 from pipeline.findings import contest, contest_verdict
-from pipeline.output import table_text, write_text
+from pipeline.output import json_data, table_text, write_text
 from pipeline.summarize import as_json
+from pipeline.terminal import new_table, say, show
 
 _FOLDER = Path("results/comparison")
 _RESAMPLES = 4000
@@ -43,6 +48,9 @@ def comparison_of(a: str | Path, b: str | Path) -> xr.Dataset:
     if left.attrs["seed"] != right.attrs["seed"]:
         seeds = left.attrs["seed"], right.attrs["seed"]
         raise DataError(f"a = {a}, b = {b}: seeds {seeds} differ, so their runs are no pairs")
+    units = [campaign.attrs["configuration"]["sensor"] for campaign in (left, right)]
+    if differing := differences(*units, prefix="sensor."):
+        raise DataError(f"a = {a}, b = {b}: errors in other units: {', '.join(differing)}")
     try:
         result = compare(left, right, resamples=_RESAMPLES, seed=left.attrs["seed"])
     except ValueError as error:
@@ -59,9 +67,7 @@ def _duration(campaign: xr.Dataset) -> float:
 def print_comparison(result: xr.Dataset) -> None:
     """Print a comparison as a table."""
     a, b = result.attrs["a"], result.attrs["b"]
-    table = Table(title=f"RMSE of {a} / RMSE of {b}, {int(result.runs_paired)} paired runs")
-    for heading in ("parameter", "ratio", "95 %", "95 % for all at once", "predicted"):
-        table.add_column(heading, justify="left" if heading == "parameter" else "right")
+    table = new_table(("parameter",), ("ratio", "95 %", "95 % for all at once", "predicted"))
     for name in result.parameter.values:
         row = result.sel(parameter=name)
         table.add_row(
@@ -71,7 +77,8 @@ def print_comparison(result: xr.Dataset) -> None:
             f"{float(row.simultaneous_lower):.3f} - {float(row.simultaneous_upper):.3f}",
             f"{float(row.predicted_ratio):.3f}",
         )
-    Console(width=110).print(table)
+    title = f"RMSE of a over RMSE of b, {int(result.runs_paired)} paired runs\na = {a}\nb = {b}"
+    show(title, table)
 
 
 @stage
@@ -85,8 +92,8 @@ def main(config: Config) -> None:
     result = comparison_of(config.a or "", config.b or "")
     print_comparison(result)
     content = as_json(result)
-    verdict = contest_verdict(contest(json.loads(content)))
-    print(verdict)
+    verdict = contest_verdict(contest(json_data(content)))
+    say(verdict)
     default = _FOLDER / f"{result.attrs['a']}-over-{result.attrs['b']}.csv"
     path = Path(config.out) if config.out else default
     write_text(path, table_text(result))

@@ -20,11 +20,10 @@ from hydra.errors import HydraException
 from omegaconf import MISSING, DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from pipeline import interrupts
 from pipeline.checks import KIND_KEYS, ConfigError, check, one_line
 from pipeline.config_groups import Cluster, Effects, Laboratory
-
-CONF = Path(__file__).resolve().parent.parent / "conf"
-"""The directory of the configuration files."""
+from pipeline.help import CONF, help_text, is_asked
 
 _VERSION_BASE = "1.3"
 
@@ -240,6 +239,8 @@ effects, laboratory : object
         File a stage writes its result to.
     a, b : str or None
         Stores to compare.
+    campaigns : list of str or None
+        Stores to report on, the main one first.
     accept : str or None
         Why the gate's new baseline is accepted.
     """
@@ -260,6 +261,7 @@ effects, laboratory : object
     out: str | None = None
     a: str | None = None
     b: str | None = None
+    campaigns: list[str] | None = None
     accept: str | None = None
 
 
@@ -306,7 +308,8 @@ def stage(main: Callable[[Config], None]) -> Callable[[], None]:
     """Make a stage's main function a Hydra program, for ``python -m pipeline.<stage>``.
 
     The program ends with exit code 2 and one line on stderr after a `ConfigError` or `DataError`,
-    with exit code 130 after an interrupt; any other exception is a defect and keeps its traceback.
+    as `pipeline.interrupts` says after a signal; any other exception is a defect and keeps its
+    traceback. With ``--help`` it prints `pipeline.help` of the module.
 
     Parameters
     ----------
@@ -332,17 +335,19 @@ def stage(main: Callable[[Config], None]) -> Callable[[], None]:
 
     @functools.wraps(main)
     def run() -> None:
+        found = help_text(Path(main.__code__.co_filename)) if is_asked(sys.argv[1:]) else None
+        if found:
+            print(found)
+            return
         os.environ["HYDRA_FULL_ERROR"] = "1"  # or Hydra prints errors itself and exits with 1
         program = hydra.main(str(CONF), "config", version_base=_VERSION_BASE)(job)
         try:
-            program()
+            with interrupts.raised(), interrupts.telling(interrupts.line):
+                program()
         except _COMPOSE_ERRORS as error:
             if error in defects:
                 raise
             _stop(one_line(error, sys.argv[1:], _ALLOWED_KEYS))
-        except KeyboardInterrupt:
-            print("interrupted", file=sys.stderr)
-            raise SystemExit(130) from None
 
     return run
 

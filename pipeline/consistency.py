@@ -5,9 +5,14 @@ Usage: ``python -m pipeline.consistency [campaign.store=...]``
 Judges a campaign, repeats a sample of its runs for their innovations, and writes tables, figures
 and ``results/consistency.md``. All but the path is taken from the configuration that the campaign
 was made with.
+
+For example::
+
+    python -m pipeline.consistency campaign.store=results/runs/position25-reference-consistency
+
+Reads: campaign.store campaign.seed.
 """
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +29,8 @@ from pipeline import consistency_statistics as numbers
 from pipeline import figure_style as style
 from pipeline.config import Config, DataError, stage
 from pipeline.consistency_statistics import LAGS, Bounds
-from pipeline.output import table_text, write_text
+from pipeline.output import json_data, table_text, write_text
+from pipeline.progress import busy
 from pipeline.summarize import as_json
 
 FOLDER = Path("results/consistency")
@@ -133,7 +139,8 @@ def main(config: Config) -> None:
     done = done_of(config.campaign.store)
     made_with = config_of(done)
     experiment = build.build_experiment(made_with)
-    repeated = repeat_runs(done, made_with, experiment)
+    with busy("repeating runs for their innovations"):
+        repeated = repeat_runs(done, made_with, experiment)
     positions = len(made_with.schedule.rotations) + 1
     study = numbers.estimates(done, bounds_of(made_with, experiment)).assign_attrs(
         campaign=Path(config.campaign.store).name,
@@ -150,7 +157,7 @@ def main(config: Config) -> None:
     write_text(FOLDER / "consistency.json", text)
     style.save(consistency_plots.zip_plot(done, study), FOLDER / "zip.png")
     style.save(consistency_plots.innovations(repeated, study), FOLDER / "innovations.png")
-    write_text(REPORT, consistency_report.report_text(json.loads(text)))
+    write_text(REPORT, consistency_report.report_text(json_data(text)))
     print(REPORT)
 
 

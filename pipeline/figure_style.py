@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from inscal.parameters import KIND_OF, KINDS, NAMES
+from pipeline import interrupts
 from pipeline.config import DataError
 
 styled = mpl.rc_context(
@@ -141,7 +142,9 @@ def save(figure: Figure, path: str | Path) -> None:
         If the file cannot be written.
     """
     try:
-        Path(path).parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=_DPI, metadata={"Software": None})
+        with interrupts.held():
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            figure.savefig(path, dpi=_DPI, metadata={"Software": None})
+            interrupts.wrote(path)
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror})") from None

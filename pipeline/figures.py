@@ -1,6 +1,8 @@
 """Stage `figures`: the campaigns and comparisons as pictures in ``results/figures``.
 
 Usage: ``python -m pipeline.figures``, after the stages simulate and compare.
+
+Reads: bounds.
 """
 
 from pathlib import Path
@@ -12,6 +14,7 @@ from pipeline import figure_style as style
 from pipeline import findings, plots, store
 from pipeline.config import Config, stage
 from pipeline.plots import Campaign
+from pipeline.progress import track
 from pipeline.summarize import summary_of
 
 FOLDER = Path("results/figures")
@@ -62,7 +65,7 @@ def draw_all(config: Config) -> dict[str, Figure]:
 @stage
 def main(config: Config) -> None:
     """Draw every figure."""
-    for name, figure in draw_all(config).items():
+    for name, figure in track(draw_all(config).items(), "figures"):
         style.save(figure, FOLDER / name)
         print(FOLDER / name)
 

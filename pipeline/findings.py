@@ -4,7 +4,6 @@ A summary or comparison is a plain dict, as `pipeline.summarize.as_json` wrote i
 knows a result: every verdict is a threshold applied to the numbers handed in.
 """
 
-import json
 import math
 import statistics
 from collections.abc import Mapping
@@ -14,6 +13,7 @@ from typing import Any
 
 from pipeline import store
 from pipeline.config import DataError
+from pipeline.output import json_data
 
 RUNS = Path("results/runs")
 """Folder of the campaign stores."""
@@ -96,7 +96,7 @@ class Contest:
 
 
 def read_json(path: str | Path, stage: str) -> dict[str, Any]:
-    """Read a result file.
+    """Read a result file; what it has as null is NaN.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def read_json(path: str | Path, stage: str) -> dict[str, Any]:
         If it is missing or no JSON.
     """
     try:
-        return json.loads(Path(path).read_text())
+        return json_data(Path(path).read_text())
     except FileNotFoundError:
         raise DataError(f"{path}: not found; make it with pipeline.{stage}") from None
     except (OSError, ValueError):

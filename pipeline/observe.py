@@ -2,6 +2,13 @@
 
 Usage: ``python -m pipeline.observe [schedule=...] [noise=...] [out=FILE.csv]``. With `out` the
 course of every parameter's sigma goes to a CSV file and, beside it, to a heat map.
+
+For example::
+
+    python -m pipeline.observe schedule=position19
+    python -m pipeline.observe 'schedule.rotations=[[90,Y],[180,Y],[90,X]]' out=observe.csv
+
+Reads: schedule noise estimator out sensor site.
 """
 
 from dataclasses import dataclass
@@ -9,8 +16,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from rich.console import Console
-from rich.table import Table
 
 from inscal import observability as obs
 from inscal.parameters import NAMES
@@ -21,6 +26,7 @@ from pipeline import figure_style as style
 from pipeline.config import Config, ConfigError, stage
 from pipeline.observe_plots import sigma_heat_map
 from pipeline.output import complain, write_text
+from pipeline.terminal import new_table, say, show
 
 CONVENTIONS: dict[str, obs.Convention] = {
     "dwells alone": obs.Convention(),
@@ -141,16 +147,17 @@ def share_table(course: Course) -> str:
 
 def print_ranks(config: Config) -> None:
     """Print the rank after every position by each of `CONVENTIONS`."""
-    table = Table(title=f"rank of the stripped observability matrix: {config.schedule.name}")
-    table.add_column("position", justify="right")
-    columns = []
-    for name, convention in CONVENTIONS.items():
-        table.add_column(name, justify="right")
-        columns.append([counts.rank for counts in rank_counts(config, convention)])
+    letters = "ABCDEFGH"[: len(CONVENTIONS)]
+    table = new_table((), ("position", *letters))
+    columns = [
+        [counts.rank for counts in rank_counts(config, convention)]
+        for convention in CONVENTIONS.values()
+    ]
     for row in range(len(columns[0][0])):
         cells = [_both(by_default[row], unit_free[row]) for by_default, unit_free in columns]
         table.add_row(str(row + 1), *cells)
-    Console(width=110).print(table)
+    show(f"rank of the stripped observability matrix: {config.schedule.name}", table)
+    print("\n".join(f"{key}: {name}" for key, name in zip(letters, CONVENTIONS, strict=True)))
 
 
 def _both(by_default: int, unit_free: int) -> str:
@@ -161,16 +168,16 @@ def print_course(config: Config, course: Course) -> None:
     """Print how each sigma falls, the weakest combinations and the tied pairs."""
     count = len(course.share)
     chosen = sorted({round(n) for n in np.linspace(1, count, min(count, _FEW))})
-    table = Table(title=f"sigma over initial sigma after position ...: {config.schedule.name}")
-    table.add_column("parameter")
-    for number in chosen:
-        table.add_column(str(number), justify="right")
+    table = new_table(("parameter",), tuple(map(str, chosen)))
     for name, share in zip(NAMES, course.share.T, strict=True):
         table.add_row(name, *(f"{share[number - 1]:.2g}" for number in chosen))
-    Console(width=110).print(table)
-    print("\n  ".join(["Least known combinations:", *map(direction_text, course.directions)]))
-    tied = [*map(tied_text, course.tied)] or ["none"]
-    print("\n  ".join([f"Tied pairs, correlation of {TIED:g} or more:", *tied]))
+    show(f"\nsigma over initial sigma after position ...: {config.schedule.name}", table)
+    print("Least known combinations:")
+    for direction in course.directions:
+        say(f"  {direction_text(direction)}", indent="    ")
+    print(f"Tied pairs, correlation of {TIED:g} or more:")
+    for text in [*map(tied_text, course.tied)] or ["none"]:
+        print(f"  {text}")
 
 
 @stage

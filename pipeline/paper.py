@@ -2,6 +2,8 @@
 
 Usage: ``python -m pipeline.paper``, after the stages that write the pages it draws on. Every claim
 is copied from its page, words and all; nothing is judged here.
+
+Reads: nothing.
 """
 
 from pathlib import Path

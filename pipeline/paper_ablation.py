@@ -2,6 +2,8 @@
 
 Usage: ``python -m pipeline.paper_ablation``, after the campaigns of the filters with fewer states.
 Writes ``ablation.md``, ``ablation.csv`` and ``ablation.png`` in ``results/paper``.
+
+Reads: bounds schedule.
 """
 
 from pipeline import figure_style as style
@@ -12,12 +14,16 @@ from pipeline.config import Config, stage
 from pipeline.output import write_text
 from pipeline.paper_ablation_text import ablation_text
 from pipeline.paper_page import FOLDER
+from pipeline.progress import track
 
 
 @stage
 def main(config: Config) -> None:
     """Write page, table and figure."""
-    ablations = {truth: ablation_of(config, findings.RUNS / name) for truth, name in TRUTHS.items()}
+    ablations = {
+        truth: ablation_of(config, findings.RUNS / name)
+        for truth, name in track(TRUTHS.items(), "filters of fewer states")
+    }
     style.save(ablation_figure(ablations), FOLDER / "ablation.png")
     for name, text in (
         ("ablation.md", ablation_text(config, ablations)),

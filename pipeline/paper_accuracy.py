@@ -4,6 +4,13 @@ Usage: ``python -m pipeline.paper_accuracy truth=paper campaign.store=STORE``
 
 Writes ``results/paper/accuracy.md``, ``.json`` and ``.png``. The campaign must have the paper's
 truth; the sweeps of noise start from the configured one.
+
+For example::
+
+    python -m pipeline.paper_accuracy truth=paper campaign.store=results/runs/my-paper_truth
+
+Reads: truth schedule noise estimator campaign.runs campaign.seed campaign.store site simulation
+sensor bounds.
 """
 
 from pipeline import paper_accuracy_report as report

@@ -1,7 +1,5 @@
 """Text, numbers and figure of the comparison with the paper's Table 3."""
 
-import json
-
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -10,6 +8,7 @@ from pipeline import build
 from pipeline import figure_style as style
 from pipeline import markdown as md
 from pipeline import paper_verdicts as verdicts
+from pipeline.output import json_text
 from pipeline.paper_accuracy_study import Checked, Study, kind_probability
 from pipeline.paper_noise import LEVEL, SCALES, SIGMAS
 from pipeline.paper_verdicts import Verdict
@@ -250,7 +249,7 @@ def numbers(study: Study) -> str:
             for i, name in enumerate(NAMES)
         },
     }
-    return json.dumps(content, indent=1) + "\n"
+    return json_text(content)
 
 
 @style.styled

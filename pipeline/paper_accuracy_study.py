@@ -12,6 +12,7 @@ from inscal.statistics import wilson_interval
 from pipeline import build, paper_noise, paper_values, store
 from pipeline.config import Config, DataError
 from pipeline.paper_noise import Explanation
+from pipeline.progress import busy, track
 from pipeline.summarize import summary_of
 
 SENSORS = ("gyro", "accel")
@@ -140,7 +141,8 @@ def study_of(config: Config) -> Study:
     paper = vector(paper_values.TABLE_3_ESTIMATES)
     explanation = paper_noise.explain(paper - truth, paper_noise.sweep(config))
     matched = _errors(paper_noise.scaled(config, explanation.gyro, explanation.other))
-    margins = _margins(config, bound)
+    with busy("noise that the bounds can bear"):
+        margins = _margins(config, bound)
     one_pass = replace(config, estimator=replace(config.estimator, passes=1))
     return Study(
         config=config,
@@ -156,6 +158,7 @@ def study_of(config: Config) -> Study:
         matched_failed=int(np.isnan(matched[:, 0]).sum()),
         margins=margins,
         checked=tuple(
-            _check_margin(config, sensor, *_tightest(margins, sensor)) for sensor in SENSORS
+            _check_margin(config, sensor, *_tightest(margins, sensor))
+            for sensor in track(SENSORS, "campaigns at the limits")
         ),
     )

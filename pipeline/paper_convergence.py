@@ -4,9 +4,15 @@ Usage: ``python -m pipeline.paper_convergence truth=paper estimator=one_pass cam
 
 Writes ``results/paper/convergence.md``, ``.json`` and ``.png``: the errors over time of one run and
 the percentiles of several, of the first pass alone, which is the classical filter.
+
+For example::
+
+    python -m pipeline.paper_convergence truth=paper estimator=one_pass campaign.runs=96
+
+Reads: truth schedule noise estimator campaign.runs campaign.seed site simulation sensor
+bounds.
 """
 
-import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +28,7 @@ from pipeline import markdown as md
 from pipeline import paper_verdicts as verdicts
 from pipeline.checks import ConfigError
 from pipeline.config import Config, stage
+from pipeline.output import json_text
 from pipeline.paper_page import write_page
 from pipeline.paper_verdicts import Verdict
 
@@ -288,7 +295,7 @@ def numbers(study: Study) -> str:
         }
         for group in GROUPS
     }
-    return json.dumps(content, indent=1) + "\n"
+    return json_text(content)
 
 
 @stage

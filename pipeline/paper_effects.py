@@ -3,9 +3,14 @@
 Usage: ``python -m pipeline.paper_effects [effects.vibration_rms_g=...]``
 
 Writes ``results/paper/effects.md``, ``.json`` and ``.png``.
+
+For example::
+
+    python -m pipeline.paper_effects effects.vibration_rms_g=0.5 effects.swing_axis=Y
+
+Reads: effects site sensor.
 """
 
-import json
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,8 +27,10 @@ from pipeline import figure_style as style
 from pipeline import markdown as md
 from pipeline import paper_verdicts as verdicts
 from pipeline.config import Config, stage
+from pipeline.output import json_text
 from pipeline.paper_page import write_page
 from pipeline.paper_verdicts import Verdict
+from pipeline.progress import track
 
 QUADRATIC, LEVER_ARM = "quadratic term", "inner lever arm"
 CASES = (QUADRATIC, LEVER_ARM)
@@ -119,7 +126,10 @@ def study_of(config: Config) -> Study:
 
     return Study(
         config=config,
-        courses={name: course(where) for name, where in environments(config).items()},
+        courses={
+            name: course(where)
+            for name, where in track(environments(config).items(), "environments")
+        },
         other_swings={
             axis: course(swing_about(config, axis)) for axis in AXES if axis != own.swing_axis
         },
@@ -291,7 +301,7 @@ def numbers(study: Study) -> str:
         | {f"theory, {e}": value for (c, e), value in study.expected.items() if c == case}
         for case in CASES
     }
-    return json.dumps(content, indent=1) + "\n"
+    return json_text(content)
 
 
 @stage

@@ -3,6 +3,12 @@
 Usage: ``python -m pipeline.paper_laboratory estimator=laboratory``
 
 Writes ``results/paper/laboratory.md``, ``.json`` and ``.png``.
+
+For example::
+
+    python -m pipeline.paper_laboratory estimator=laboratory laboratory.runs=64
+
+Reads: laboratory schedule noise estimator campaign.seed site simulation sensor bounds.
 """
 
 from pipeline import paper_laboratory_report as report

@@ -1,7 +1,5 @@
 """Text, numbers and figure of the virtual laboratory experiment."""
 
-import json
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -15,6 +13,7 @@ from pipeline import build
 from pipeline import figure_style as style
 from pipeline import markdown as md
 from pipeline import paper_verdicts as verdicts
+from pipeline.output import json_text
 from pipeline.paper_laboratory_study import (
     COMPENSATED,
     PERFECT,
@@ -360,4 +359,4 @@ def numbers(study: Study) -> str:
             for i, name in enumerate(NAMES)
         },
     }
-    return json.dumps(content, indent=1) + "\n"
+    return json_text(content)

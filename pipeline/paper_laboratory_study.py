@@ -7,6 +7,7 @@ sheet's; the calibrator sees what is left.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from inscal.simulation import TruthModel, Workspace, simulate
 from pipeline import build
 from pipeline.config import Config
 from pipeline.paper_values import TABLE_4, LaboratoryCalibration
+from pipeline.progress import track
 
 COMPENSATED, UNCOMPENSATED, PERFECT = "compensated", "uncompensated", "perfectly known"
 """What a flight is navigated with: the second calibration, nothing, or the true parameters."""
@@ -180,14 +182,13 @@ def _joined(parts: list[Flight]) -> Flight:
 def residuals_of(config: Config) -> list[Residual]:
     """Calibrate units whose only errors are scale factors, larger and larger ones."""
     own, out = config.laboratory, []
-    for sensor in ("gyro", "accel"):
-        for passes in own.residual_passes:
-            for ppm in own.residual_scale_factors_ppm:
-                outcome = _with_residual(config, sensor, ppm, passes)
-                good = outcome.nees[~outcome.failed]
-                nees = float(good.mean()) if len(good) else float("nan")
-                failed, runs = int(outcome.failed.sum()), len(outcome.failed)
-                out.append(Residual(sensor, ppm, passes, failed, runs, nees))
+    cases = product(("gyro", "accel"), own.residual_passes, own.residual_scale_factors_ppm)
+    for sensor, passes, ppm in track(list(cases), "coarse scale factors"):
+        outcome = _with_residual(config, sensor, ppm, passes)
+        good = outcome.nees[~outcome.failed]
+        nees = float(good.mean()) if len(good) else float("nan")
+        failed, runs = int(outcome.failed.sum()), len(outcome.failed)
+        out.append(Residual(sensor, ppm, passes, failed, runs, nees))
     return out
 
 

@@ -6,6 +6,7 @@ noise scales, interpolated between. Campaigns verify what comes out.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy import stats
@@ -16,6 +17,7 @@ from inscal.recursion import compute_gains
 from inscal.state_model import StateModel, build_transitions
 from pipeline import build
 from pipeline.config import Config
+from pipeline.progress import track
 
 LEVEL = 0.99
 """Share of runs in which a bound has to hold."""
@@ -100,7 +102,9 @@ class Explanation:
 
 def sweep(config: Config) -> np.ndarray:
     """Predicted sigma at all pairs of `SCALES`, gyro first, shape (scales, scales, 27)."""
-    return np.array([[predicted_std(scaled(config, g, o)) for o in SCALES] for g in SCALES])
+    pairs = list(product(SCALES, SCALES))
+    sigma = [predicted_std(scaled(config, *pair)) for pair in track(pairs, "noise levels")]
+    return np.reshape(sigma, (len(SCALES), len(SCALES), -1))
 
 
 def explain(errors: np.ndarray, table: np.ndarray) -> Explanation:

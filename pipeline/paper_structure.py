@@ -2,6 +2,8 @@
 
 Usage: ``python -m pipeline.paper_structure``. Writes ``observability.md`` and ``quadratic_unit.md``
 with their tables and figures in ``results/paper``. Every verdict follows from the numbers.
+
+Reads: schedule noise estimator site sensor bounds.
 """
 
 from pipeline import figure_style as style
@@ -14,6 +16,7 @@ from pipeline.paper_page import FOLDER
 from pipeline.paper_quadratic_text import quadratic_text
 from pipeline.paper_structure_text import observability_text
 from pipeline.paper_tables import TABLE_2_RANKS
+from pipeline.progress import busy
 
 
 def write_figures(config: Config, structure: Structure) -> None:
@@ -27,11 +30,12 @@ def write_figures(config: Config, structure: Structure) -> None:
 @stage
 def main(config: Config) -> None:
     """Write pages, tables and figures."""
-    structure = structure_of(config)
+    with busy("ranks and sigmas along the path"):
+        structure, readings = structure_of(config), readings_of(config)
     write_figures(config, structure)
     texts = {
         "observability.md": observability_text(config, structure),
-        "quadratic_unit.md": quadratic_text(config, readings_of(config)),
+        "quadratic_unit.md": quadratic_text(config, readings),
         "ranks.csv": rank_table(structure),
         "sigma_by_position.csv": share_table(structure.full),
     }

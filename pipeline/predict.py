@@ -1,12 +1,14 @@
 """Stage `predict`: sigma of every parameter from the covariance recursion alone, no simulation.
 
 Usage: ``python -m pipeline.predict [schedule=...] [noise=...] [out=FILE]``
+
+For example::
+
+    python -m pipeline.predict schedule=position19
+    python -m pipeline.predict noise.gyro_angle_random_walk_deg_per_sqrt_h=0.002 out=predicted.json
+
+Reads: schedule noise estimator out sensor site bounds.
 """
-
-import json
-
-from rich.console import Console
-from rich.table import Table
 
 from inscal.parameters import NAMES, UNITS
 from inscal.recursion import compute_gains
@@ -21,7 +23,8 @@ from pipeline.build import (
     warnings,
 )
 from pipeline.config import Config, stage
-from pipeline.output import complain, write_text
+from pipeline.output import complain, write_json
+from pipeline.terminal import new_table, show
 
 
 @stage
@@ -39,16 +42,14 @@ def main(config: Config) -> None:
     gains = compute_gains(transitions, model, noise, build_initial_std(config))
     std = gains.parameter_std[-1] / si_units(config)
     bound = parameter_vector(config.bounds)
-    table = Table(title=f"predicted 1 sigma: {config.schedule.name}, noise {config.noise.name}")
-    for heading in ("parameter", "unit", "predicted_std", "bound", "bound / sigma"):
-        table.add_column(heading, justify="left" if heading in ("parameter", "unit") else "right")
+    table = new_table(("parameter", "unit"), ("predicted_std", "bound", "bound / sigma"))
     for name, unit, sigma, limit in zip(NAMES, UNITS, std, bound, strict=True):
         ratio = f"{limit / sigma:.1f}" if sigma > 0 else "not modelled"
         table.add_row(name, unit, f"{sigma:.4g}", f"{limit:g}", ratio)
-    Console().print(table)
+    show(f"predicted 1 sigma: {config.schedule.name}, noise {config.noise.name}", table)
     if config.out:
         content = {"parameter": NAMES, "unit": UNITS, "predicted_std": std.tolist()}
-        write_text(config.out, json.dumps(content, indent=2) + "\n")
+        write_json(config.out, content, indent=2)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,99 @@
-"""Progress of a campaign: a live bar on a terminal, plain lines elsewhere."""
+"""Progress on standard error: a live bar on a terminal, a plain line now and then elsewhere."""
 
 import sys
+import threading
 import time
+from collections.abc import Iterable, Iterator, Sized
+from contextlib import contextmanager
 from types import TracebackType
+from typing import TypeVar
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 _LINE_INTERVAL_S = 10.0
+_BAR_INTERVAL_S = 0.1
+_PATIENCE_S = 2.0
+
+T = TypeVar("T")
+
+
+def track(items: Iterable[T], label: str, total: int | None = None) -> Iterator[T]:
+    """Go through a loop and show how far it is; nothing of a loop that ends in two seconds.
+
+    Parameters
+    ----------
+    items : iterable
+    label : str
+        What the loop does.
+    total : int or None
+        Number of items, where they do not know it themselves.
+
+    Yields
+    ------
+    object
+        The items.
+    """
+    if total is None:
+        assert isinstance(items, Sized)
+        total = len(items)
+    counts = (MofNCompleteColumn(), TextColumn("left"), TimeRemainingColumn())
+    start = shown = time.monotonic()
+    with _live(label, total, *counts) as bar:
+        for done, item in enumerate(items):
+            now = time.monotonic()
+            if bar is not None and now - shown > _BAR_INTERVAL_S:
+                bar.update(bar.task_ids[0], completed=done)
+                shown = now
+            elif bar is None and now - shown > _LINE_INTERVAL_S:
+                left = (total - done) / done * (now - start)
+                print(f"{label}: {done} of {total}, {left:.0f} s left", file=sys.stderr)
+                shown = now
+            yield item
+
+
+@contextmanager
+def busy(label: str) -> Iterator[None]:
+    """Show that something is done which cannot tell how far it is; nothing if it ends soon."""
+    with _live(label, None, TimeElapsedColumn()):
+        yield
+
+
+def note(text: str) -> None:
+    """Say to who sits at a terminal what will take a while."""
+    if sys.stderr.isatty():
+        print(text, file=sys.stderr)
+
+
+@contextmanager
+def _live(label: str, total: int | None, *columns: ProgressColumn) -> Iterator[Progress | None]:
+    """Show a bar from two seconds on, and none when the block is left; None if no terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    bar = Progress(
+        *(TextColumn("{task.description}", markup=False), BarColumn(), *columns),
+        console=Console(file=sys.stderr),
+        transient=True,
+    )
+    bar.add_task(label, total=total)
+    timer = threading.Timer(_PATIENCE_S, bar.start)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield bar
+    finally:
+        timer.cancel()
+        timer.join()
+        bar.stop()
 
 
 class CampaignProgress:
@@ -50,6 +136,8 @@ class CampaignProgress:
         traceback: TracebackType | None,
     ) -> None:
         self._bar.stop()
+        if kind is not None and not issubclass(kind, Exception):
+            return  # interrupted: who interrupts says what is kept
         elapsed = time.monotonic() - self._start
         self.say(f"{self._done} of {self._total} runs, {elapsed:.1f} s, {self._rate():.0f} runs/s")
 

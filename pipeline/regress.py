@@ -5,15 +5,26 @@ make its campaign the new baseline. The campaign has 128 runs, whatever ``campai
 
 Exit code 0: *identical* bit for bit, or *changed, no worse*. Exit code 1: *worse*, or a check of
 consistency or of the bounds failed. Exit code 2: there is nothing to compare.
+
+For example::
+
+    python -m pipeline.regress
+    python -m pipeline.regress "accept='the filter has a third pass'"
+
+Reads: accept schedule noise truth estimator campaign.seed site simulation sensor bounds.
 """
 
+from collections.abc import Mapping
+from datetime import date
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from inscal import regression
 from inscal.parameters import GROUPS
 from inscal.regression import Judgement, Sample
+from pipeline import history
 from pipeline.baseline import (
     configuration_of,
     differences,
@@ -59,7 +70,18 @@ def accept(config: Config, reason: str) -> None:
         if not check.passed:
             raise DataError(f"accept: {_check_line(check)}; such a campaign is no baseline")
     write_baseline(BASELINE, sample, config, reason)
+    history.append(
+        BASELINE, history_row(sample, configuration_of(config), str(date.today()), reason)
+    )
     print(f"baseline written to {BASELINE}: {reason}")
+
+
+def history_row(
+    sample: Sample, configuration: Mapping[str, Any], day: str, reason: str
+) -> history.Row:
+    """Row of the accuracy history that a baseline makes."""
+    sigma = np.sqrt(np.diag(sample.covariance))
+    return history.row_of(sample.error, sigma, sample.nees, configuration, date=day, reason=reason)
 
 
 def compare(config: Config) -> Judgement:

@@ -10,10 +10,12 @@ The trials are of two sorts, and both are needed:
   a rate of one in a thousand: pairs drawn from them share campaigns, so they show that there is
   nothing the normal distribution does not know, and no more.
 - *Normal errors* of the predicted covariance: as many campaigns as one likes.
+
+Reads: schedule noise truth estimator campaign.seed site simulation sensor bounds.
 """
 
-import json
 from collections.abc import Callable, Iterable
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -28,7 +30,8 @@ from pipeline import markdown
 from pipeline.baseline import RUNS
 from pipeline.build import build_experiment, parameter_vector, si_units
 from pipeline.config import Config, stage
-from pipeline.output import write_text
+from pipeline.output import write_json, write_text
+from pipeline.progress import track
 from pipeline.regress import BASELINE
 
 _BLOCKS = 500
@@ -78,7 +81,7 @@ def simulated_blocks(experiment: Experiment) -> np.ndarray:
     """Errors of disjoint campaigns, shape (blocks, runs, 27)."""
     workspace = Workspace.of(experiment.motion)
     blocks = []
-    for block in range(_BLOCKS):
+    for block in track(range(_BLOCKS), "campaigns"):
         outcome = run(experiment, range(block * RUNS, (block + 1) * RUNS), workspace)
         blocks.append(outcome.estimate - outcome.truth)
     return np.array(blocks)
@@ -193,7 +196,7 @@ def study(config: Config) -> dict[str, Any]:
     looks += [(independent, name, _TRIALS) for name in NAMES]
     same = [
         power(gate, same_pairs(blocks, trials), spoil, look, _SAME_DATA_LOSS, seed)
-        for seed, (spoil, look, trials) in enumerate(looks)
+        for seed, (spoil, look, trials) in enumerate(track(looks, "losses, same data"))
     ]
     small = [
         power(gate, same_pairs(blocks, _TRIALS), independent, "gyro_k", 1 + loss, 0)
@@ -201,18 +204,26 @@ def study(config: Config) -> dict[str, Any]:
     ]
     reseeded = [
         known(power(gate, block_pairs(blocks, _RESEEDED_TRIALS, rng), scaled, look, loss, 0))
-        for look in (*POOLS, "gyro_k11")
-        for loss in _LOSSES
+        for look, loss in track(list(product((*POOLS, "gyro_k11"), _LOSSES)), "losses, other data")
     ]
     return {
         "seed": config.campaign.seed,
         "blocks": len(blocks),
         "runs_per_block": RUNS,
         "false_alarms_simulated": known(
-            false_alarms(gate, block_pairs(blocks, _PAIRS, rng)),
+            false_alarms(
+                gate, track(block_pairs(blocks, _PAIRS, rng), "pairs of campaigns", _PAIRS)
+            ),
         ),
         "false_alarms_disjoint": false_alarms(gate, zip(blocks[::2], blocks[1::2], strict=True)),
-        "false_alarms_normal": false_alarms(gate, normal_pairs(covariance, _NORMAL_PAIRS, rng)),
+        "false_alarms_normal": false_alarms(
+            gate,
+            track(
+                normal_pairs(covariance, _NORMAL_PAIRS, rng),
+                "pairs of normal errors",
+                _NORMAL_PAIRS,
+            ),
+        ),
         "same_data": same,
         "same_data_small": small,
         "reseeded": reseeded,
@@ -312,7 +323,7 @@ def main(config: Config) -> None:
     """Measure the gate and write the tables."""
     config.campaign.seed += 1  # other runs than the gate's own
     result = study(config)
-    write_text(BASELINE / "power.json", json.dumps(result, indent=1) + "\n")
+    write_json(BASELINE / "power.json", result)
     write_text(BASELINE / "power.md", report(result))
 
 

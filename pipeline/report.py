@@ -1,8 +1,17 @@
-"""Stage `report`: what the campaigns show, in ``results/report.md``.
+"""Stage `report`: what the campaigns show, in ``results/report.md`` and ``results/report.html``.
 
-Usage: ``python -m pipeline.report``, after summarize, compare and figures. The text is composed
-from the summaries and comparisons: no result is written here, and every verdict follows from the
-numbers by a rule of `pipeline.findings`.
+Usage: ``python -m pipeline.report [campaigns=[STORE,...]] [out=FILE.html]``. Without arguments it
+reports on the study, after summarize, compare, figures and paper. With `campaigns` it writes a page
+of these stores alone, the first being the main one, to `out` or beside the first store; they may be
+half-finished. The text is composed from the numbers: no result is written here, and every verdict
+follows by a rule of `pipeline.findings`.
+
+For example::
+
+    python -m pipeline.report
+    python -m pipeline.report campaigns=[results/runs/a,results/runs/b] out=ab.html
+
+Reads: campaigns out bounds.
 """
 
 from collections.abc import Mapping
@@ -10,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from inscal.parameters import KIND_OF, KINDS, NAMES
-from pipeline import findings
+from pipeline import findings, page
 from pipeline import markdown as md
 from pipeline.checks import KIND_KEYS
 from pipeline.config import Config, stage
@@ -18,6 +27,7 @@ from pipeline.findings import CAMPAIGNS, COMPARISONS, MAIN, ONE_PASS, Results, S
 from pipeline.output import write_text
 
 PATH = Path("results/report.md")
+PAGE = Path("results/report.html")
 
 _BY_NOISE = CAMPAIGNS[:6]
 _QUADRATIC_TEXTS = {
@@ -344,9 +354,16 @@ def _joint(summary: Summary) -> str:
 
 @stage
 def main(config: Config) -> None:
-    """Write the report."""
-    write_text(PATH, report_text(findings.collect()))
-    print(PATH)
+    """Write the report of the study, or a page of the campaigns asked for."""
+    if config.campaigns is not None:
+        path = page.output_path(config)
+        write_text(path, page.html(page.campaigns(config, config.campaigns)))
+        print(path)
+        return
+    text, html = report_text(findings.collect()), page.html(page.study(config))
+    write_text(PATH, text)
+    write_text(PAGE, html)
+    print(PATH, PAGE, sep="\n")
 
 
 if __name__ == "__main__":

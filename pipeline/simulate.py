@@ -3,11 +3,23 @@
 Usage: ``python -m pipeline.simulate [schedule=...] [noise=...] [truth=...] [campaign.runs=...]``,
 ``only_run=17`` to repeat run 17 alone and keep its course, ``campaign.precision=0.05`` to stop as
 soon as every RMSE is known to five per cent (half of its 95 % interval).
+
+For example::
+
+    python -m pipeline.simulate schedule=position19 noise=quiet
+    python -m pipeline.simulate campaign.precision=0.03 campaign.runs=20000 campaign.store=results/x
+    python -m pipeline.simulate only_run=17    # this run again, with its course over time
+
+Reads: schedule noise truth estimator cluster cluster.workers cluster.address campaign.runs
+campaign.precision campaign.seed campaign.batch campaign.store campaign.replace only_run out site
+simulation sensor.
 """
 
 import gc
 import json
 import math
+import shlex
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
@@ -16,16 +28,18 @@ from pathlib import Path
 
 import numpy as np
 import xarray as xr
+import zarr
 from dask.typing import Key
 from distributed import Client, as_completed
 
-from inscal.experiment import Outcome, run_with_history
+from inscal.experiment import Experiment, Outcome, run_with_history
 from inscal.kernel import LANES
 from inscal.parameters import NAMES, UNITS
-from pipeline import store
+from pipeline import interrupts, provenance, store
 from pipeline.build import build_experiment, build_schedule, si_units, warnings
 from pipeline.cluster import check, client
 from pipeline.config import Config, DataError, resolved, stage
+from pipeline.lock import writing
 from pipeline.output import complain
 from pipeline.progress import CampaignProgress
 from pipeline.worker import attempt, share
@@ -79,13 +93,35 @@ def simulate_campaign(config: Config) -> None:
     """
     check(config.cluster)
     experiment = build_experiment(config)
-    target = store.open_store(config, experiment.estimator.predicted_std / si_units(config))
+    predicted_std = experiment.estimator.predicted_std / si_units(config)
+    with writing(config.campaign.store):
+        with interrupts.held():
+            target = store.open_store(config, predicted_std)
+        with (
+            provenance.session(config.campaign, config.cluster, lambda: len(store.pending(target))),
+            interrupts.telling(lambda: kept_line(config, target)),
+        ):
+            _make_pending(config, experiment, target)
+
+
+def kept_line(config: Config, target: zarr.Group) -> str:
+    """What an interrupted campaign keeps, and the command that goes on with it."""
+    runs = config.campaign.runs
+    return (
+        f"interrupted: {runs - len(store.pending(target))} of {runs} runs are kept in "
+        f"{config.campaign.store}; to go on: {shlex.join(sys.orig_argv)}"
+    )
+
+
+def _make_pending(config: Config, experiment: Experiment, target: zarr.Group) -> None:
     pending = store.pending(target)
     runs, wanted = config.campaign.runs, config.campaign.precision
     gc.freeze()  # a full collection looks at all that was imported, and stops every thread for it
     name = Path(config.campaign.store).name
     with (
         client(config.cluster) if len(pending) else nullcontext() as workers,
+        # said here already, for it takes a moment to shut the workers down
+        interrupts.telling(lambda: kept_line(config, target)),
         CampaignProgress(runs, runs - len(pending), name) as progress,
     ):
         if workers is None:
@@ -130,22 +166,30 @@ def _fan_out(config, shared, todo, target, workers: Client, progress) -> None:
             numbers[future.key] = runs
             futures.add(future)
 
-    supply()
-    for future in futures:
-        runs, outcome = numbers.pop(future.key), future.result()
-        future.release()
+    def write() -> None:
+        store.write(target, config, finished)
+        finished.clear()
+
+    try:
         supply()
-        finished.append((runs, outcome))
-        for failed in np.array(runs)[outcome.failed]:
-            progress.say(
-                f"run {failed} failed (seed {config.campaign.seed}); repeat with only_run={failed}"
-            )
-        if time.monotonic() - flushed > _FLUSH_INTERVAL_S:
-            store.write(target, config, finished)
-            finished.clear()
-            flushed = time.monotonic()
-        progress.advance(len(runs))
-    store.write(target, config, finished)
+        for future in futures:
+            with interrupts.held():
+                runs, outcome = numbers.pop(future.key), future.result()
+                future.release()
+                supply()
+                finished.append((runs, outcome))
+                for failed in np.array(runs)[outcome.failed]:
+                    progress.say(
+                        f"run {failed} failed (seed {config.campaign.seed}); "
+                        f"repeat with only_run={failed}"
+                    )
+                if time.monotonic() - flushed > _FLUSH_INTERVAL_S:
+                    write()
+                    flushed = time.monotonic()
+                progress.advance(len(runs))
+    finally:  # interrupted or not, nothing finished is lost
+        with interrupts.held():
+            write()
 
 
 def history_dataset(config: Config) -> xr.Dataset:
@@ -229,8 +273,10 @@ def repeat_run(config: Config) -> None:
     path = Path(config.out or f"{config.campaign.store}-run{config.only_run}.nc")
     course = history_dataset(config)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        course.to_netcdf(path, engine="scipy")
+        with interrupts.held():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            course.to_netcdf(path, engine="scipy")
+            interrupts.wrote(path)
     except OSError as error:
         raise DataError(f"out = {path}: cannot be written ({error.strerror})") from None
     print(f"run {config.only_run} of seed {config.campaign.seed}: course in {path}")

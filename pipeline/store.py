@@ -35,7 +35,7 @@ _SOFTWARE = ("inscal", "numpy", "scipy", "numba", "xarray", "zarr", "dask")
 # what a store's numbers do not depend on
 _IRRELEVANT = (
     *("cluster", "bounds", "effects", "laboratory"),
-    *("only_run", "out", "a", "b", "accept"),
+    *("only_run", "out", "a", "b", "campaigns", "accept"),
 )
 _IRRELEVANT_CAMPAIGN = ("batch", "store", "replace", "precision")
 

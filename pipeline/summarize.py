@@ -1,21 +1,26 @@
 """Stage `summarize`: a campaign's errors judged against the bounds and against the filter's sigma.
 
 Usage: ``python -m pipeline.summarize [schedule=...] [noise=...] [campaign.store=...]``
+
+For example::
+
+    python -m pipeline.summarize schedule=position19 noise=quiet
+    python -m pipeline.summarize campaign.store=results/runs/try bounds.gyro_bias_deg_per_h=0.002
+
+Reads: schedule noise campaign.store bounds.
 """
 
-import json
 from pathlib import Path
 
 import xarray as xr
-from rich.console import Console
-from rich.table import Table
 
 from inscal.parameters import NAMES
 from inscal.summary import summarize
 from pipeline import store
 from pipeline.build import parameter_vector
 from pipeline.config import Config, DataError, stage
-from pipeline.output import complain, table_text, write_text
+from pipeline.output import complain, json_text, table_text, write_text
+from pipeline.terminal import new_table, show
 
 _FOLDER = Path("results/summary")
 
@@ -66,40 +71,45 @@ def summary_of(config: Config, path: str | Path) -> xr.Dataset:
 
 def print_summary(summary: xr.Dataset) -> None:
     """Print a summary as a table."""
-    table = Table(title=f"{summary.attrs['campaign']}, {int(summary.runs_done)} runs")
-    columns = ("parameter", "unit", "bias", "std", "RMSE", "95 %", "99.7 %", "predicted", "ratio")
-    for heading in (*columns, "bound", "within", "interval"):
-        table.add_column(heading, justify="left" if heading in ("parameter", "unit") else "right")
+    table = new_table(
+        ("parameter", "unit"),
+        ("bias", "RMSE", "predicted", "ratio", "95 %", "bound", "within", "interval"),
+        gap=1,
+    )
     for name in summary.parameter.values:
         row = summary.sel(parameter=name)
-        numbers = (row[key] for key in ("bias", "std", "rmse", "abs_error_p95", "abs_error_p997"))
         interval = (row.share_within_bound_lower, row.share_within_bound_upper)
         table.add_row(
             str(name),
             str(row.unit.values),
-            *(f"{float(number):.3g}" for number in numbers),
-            f"{float(row.predicted_std):.3g}",
-            f"{float(row.rmse_over_predicted):.3f}",
+            *(f"{float(row[key]):.3g}" for key in ("bias", "rmse", "predicted_std")),
+            _ratio(float(row.rmse_over_predicted)),
+            f"{float(row.abs_error_p95):.3g}",
             f"{float(row.bound):g}",
             f"{100 * float(row.share_within_bound):.1f} %",
             " - ".join(f"{100 * float(end):.1f}" for end in interval),
         )
-    console = Console(width=140)
-    console.print(table)
-    console.print(
+    show(f"{summary.attrs['campaign']}, {int(summary.runs_done)} runs", table)
+    print(
         f"all within bounds at once: {100 * float(summary.joint_share):.1f} % "
         f"({100 * float(summary.joint_share_lower):.1f} - "
         f"{100 * float(summary.joint_share_upper):.1f} %)\n"
         f"NEES mean {float(summary.nees_mean):.2f}, consistent if in "
         f"{float(summary.nees_lower):.2f} ... {float(summary.nees_upper):.2f}\n"
         f"runs failed {int(summary.runs_failed)}; RMSE known to "
-        f"{100 * float(summary.precision):.1f} %",
-        highlight=False,
+        f"{100 * float(summary.precision):.1f} %"
     )
 
 
+def _ratio(value: float) -> str:
+    return f"{value:.3f}" if value < 100.0 else f"{value:.3g}"
+
+
 def as_json(dataset: xr.Dataset) -> str:
-    """JSON text of a dataset on parameter: attributes, scalars, then one object per parameter."""
+    """JSON text of a dataset on parameter: attributes, scalars, then one object per parameter.
+
+    `pipeline.output.json_data` reads it back; NaN is null in between.
+    """
     scalars = {name: v.item() for name, v in dataset.data_vars.items() if v.ndim == 0}
     table = {
         str(name): {
@@ -108,7 +118,7 @@ def as_json(dataset: xr.Dataset) -> str:
         | {"unit": str(dataset.unit.sel(parameter=name).values)}
         for name in dataset.parameter.values
     }
-    return json.dumps(dataset.attrs | scalars | {"parameters": table}, indent=1) + "\n"
+    return json_text(dataset.attrs | scalars | {"parameters": table})
 
 
 @stage

@@ -3,6 +3,7 @@
 A module of its own, so that workers import it by name and keep their buffers from batch to batch.
 """
 
+import logging
 import threading
 
 import numpy as np
@@ -21,6 +22,11 @@ def share(experiment: Experiment) -> Experiment:
     are lost; data scattered to the workers would be lost with them.
     """
     return experiment
+
+
+def say_nothing_of_cancelled_batches() -> None:
+    """Keep a worker process from warning of the batches that an interrupted campaign gives up."""
+    logging.getLogger("distributed.worker.state_machine").setLevel(logging.ERROR)
 
 
 def attempt(experiment: Experiment, runs: list[int]) -> Outcome:

@@ -20,6 +20,7 @@ from pipeline import consistency_statistics as numbers
 from pipeline.build import build_experiment
 from pipeline.config import DataError, load, resolved
 from pipeline.consistency_statistics import LAGS, Bounds
+from pipeline.output import json_data
 from pipeline.summarize import as_json
 
 SIGMA = paper_bounds() / 5.0
@@ -100,7 +101,7 @@ def study_of(error, repeated):
         position_duration_s=300.0,
         innovations=judged(repeated),
     )
-    return dataset, json.loads(as_json(dataset))
+    return dataset, json_data(as_json(dataset))
 
 
 @pytest.fixture(scope="module")

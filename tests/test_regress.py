@@ -14,7 +14,7 @@ from scipy import stats
 from inscal import regression
 from inscal.parameters import COUNT, NAMES
 from inscal.regression import LOOKS, Sample
-from pipeline import baseline, regress, regress_power
+from pipeline import baseline, history, regress, regress_power
 from pipeline.build import build_experiment, parameter_vector, si_units
 from pipeline.config import DataError, load
 
@@ -363,7 +363,13 @@ def test_accepting_writes_a_baseline_with_its_reason(folder, clean):
     assert json.loads((folder / "baseline.json").read_text())["reason"] == "a finer filter"
     first = {path.name: path.read_bytes() for path in folder.iterdir()}
     run_stage(regress, "accept='a finer filter'")
-    assert {path.name: path.read_bytes() for path in folder.iterdir()} == first
+    second = {path.name: path.read_bytes() for path in folder.iterdir()}
+    once, twice = (files.pop(history.FILE).splitlines() for files in (first, second))
+    assert second == first
+    assert twice == [*once, once[-1]]
+    (row, _) = history.read(folder)
+    assert (row.reason, row.runs) == ("a finer filter", baseline.RUNS)
+    assert row.nees_mean == pytest.approx(clean.nees.mean(), rel=1e-5)
     assert regression.identical(clean, baseline.read_baseline(folder)[0])
 
 

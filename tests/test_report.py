@@ -12,6 +12,7 @@ from inscal.summary import compare, summarize
 from pipeline import figure_style, figures, findings, plots, report
 from pipeline.config import DataError, load, resolved
 from pipeline.findings import MAIN, ONE_PASS, PAPER_TRUTH, Results
+from pipeline.output import json_data
 from pipeline.plots import Campaign
 from pipeline.summarize import as_json
 
@@ -52,15 +53,15 @@ def comparison_of(scale_a, durations=(9500.0, 12500.0)):
     # RMSEs of independent draws of a ratio of about `scale_a`
     result = compare(campaign(2, scale_a), campaign(1), resamples=100, seed=1)
     result = result.assign_attrs(a="position19-reference", b=MAIN, duration_s=list(durations))
-    return json.loads(as_json(result))
+    return json_data(as_json(result))
 
 
 @pytest.fixture(scope="module")
 def prototype():
     """Results in which all is well, but for the single pass."""
-    honest = json.loads(as_json(summary_of(campaign())))
+    honest = json_data(as_json(summary_of(campaign())))
     summaries = {name: copy.deepcopy(honest) for name in findings.CAMPAIGNS}
-    summaries[ONE_PASS] = json.loads(as_json(summary_of(campaign(scale=2.0))))
+    summaries[ONE_PASS] = json_data(as_json(summary_of(campaign(scale=2.0))))
     for summary in summaries.values():
         for row in summary["parameters"].values():
             row["rmse_over_predicted"] = 1.0 if summary is not summaries[ONE_PASS] else 2.0

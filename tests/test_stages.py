@@ -50,6 +50,7 @@ def campaigns(tmp_path_factory):
     make(folder / "classic", "estimator.states=[gyro_bias,accel_bias,gyro_k,accel_k]")
     make(folder / "other_seed", "campaign.seed=1")
     make(folder / "other_truth", "truth=uniform")
+    make(folder / "other_unit", "sensor.quadratic_unit=si")
     make(folder / "diverging", "truth.accel_quadratic_1e_9=4000")
     return folder
 
@@ -335,6 +336,7 @@ def test_compare_a_filter_that_models_less(campaigns):
     [
         ("two_pass", "other_seed", "seeds (20260101, 1) differ, so their runs are no pairs"),
         ("two_pass", "other_truth", "run 0 has another truth in each campaign"),
+        ("two_pass", "other_unit", "other units: sensor.quadratic_unit = pulse -> si"),
         ("two_pass", "nowhere", "nowhere: not found; make it with pipeline.simulate"),
         ("nowhere", "two_pass", "nowhere: not found; make it with pipeline.simulate"),
     ],
@@ -387,4 +389,4 @@ def test_command_line_leaves_nothing_but_what_it_names(cwd, arguments, code, lef
     assert ended.returncode == code, ended.stderr
     assert "Traceback" not in ended.stderr
     assert sorted(path.name for path in cwd.iterdir()) == left
-    assert sorted(path.name for path in cwd.glob("runs/*")) == (["x"] if left else [])
+    assert sorted(path.name for path in cwd.glob("runs/*")) == (["x", "x.log.json"] if left else [])

@@ -244,6 +244,7 @@ SAME = [
     ["effects.lever_arm_mm=1"],
     ["laboratory.runs=7"],
     ["only_run=3"],
+    ["campaigns=[x,y]"],
     ["out=file"],
     ["a=x", "b=y"],
     ["accept=reason"],
@@ -275,7 +276,7 @@ def test_every_setting_is_known_to_matter_or_not():
     keys -= {f"campaign.{key}" for key in ("batch", "store", "replace", "precision")}
     keys -= {"estimator.initial_std"}
     assert keys <= changed
-    assert settings.keys() - groups.keys() == {"only_run", "out", "a", "b", "accept"}
+    assert settings.keys() - groups.keys() == {"only_run", "out", "a", "b", "campaigns", "accept"}
 
 
 def test_fingerprint_changes_with_the_source_of_what_a_run_needs(tmp_path, monkeypatch):
