@@ -49,7 +49,7 @@ def comparison_of(a: str | Path, b: str | Path) -> xr.Dataset:
         seeds = left.attrs["seed"], right.attrs["seed"]
         raise DataError(f"a = {a}, b = {b}: seeds {seeds} differ, so their runs are no pairs")
     units = [campaign.attrs["configuration"]["sensor"] for campaign in (left, right)]
-    if differing := differences(*units, prefix="sensor."):
+    if differing := differences(units[0], units[1], "sensor."):
         raise DataError(f"a = {a}, b = {b}: errors in other units: {', '.join(differing)}")
     try:
         result = compare(left, right, resamples=_RESAMPLES, seed=left.attrs["seed"])
