@@ -19,6 +19,8 @@ from pipeline.worker import say_nothing_of_cancelled_batches
 _SETTINGS = {
     # nobody looks at its samples, and every one of them stops all threads
     "distributed.worker.profile.enabled": False,
+    # nor at how soon its loops come round, which they try fifty times a second
+    "distributed.admin.tick.interval": "1s",
     "distributed.comm.timeouts.connect": "10s",
     # the experiment, some 60 MB, is the argument of a task
     "distributed.admin.large-graph-warning-threshold": "1 GB",
