@@ -263,7 +263,8 @@ def _plain_text(app, what, name, obj, options, lines: list[str]) -> None:
     before = ""
     out: list[str] = []
     if what in ("data", "attribute"):
-        out.append("")  # or napoleon takes what stands before a colon for a type
+        # an empty comment, or napoleon takes what stands before a colon for a type
+        out += ["..", ""]
     for number, line in enumerate(lines):
         formula = (
             line.startswith("    ")
