@@ -263,15 +263,15 @@ def install(copy: Copy, step: Step) -> str:
     assert installing == tested[0].removesuffix(" && pytest").replace("[dev]", f"[{extra[1]}]")
     check_extras(extra[1])
     if after == ["dvc repro"]:
+        runs = copy.root / "results/runs"
         if slow():
-            return copy.bash("dvc repro")
-        # a dry run makes no store, and wants to see those it would have made
-        stores = [copy.root / name for name in re.findall(r"results/runs/\S+", lock())]
-        for store in stores:
-            store.mkdir(parents=True, exist_ok=True)
-        out = copy.bash("dvc repro --dry")
-        for store in stores:
-            shutil.rmtree(store, ignore_errors=True)
+            out = copy.bash("dvc repro")
+        else:
+            # a dry run makes no store, and wants to see those it would have made
+            for name in re.findall(r"results/runs/\S+", lock()):
+                (copy.root / name).mkdir(parents=True, exist_ok=True)
+            out = copy.bash("dvc repro --dry")
+        shutil.rmtree(runs)
         # of all that it makes, pages use this campaign
         copy.bash(f"python -m pipeline.simulate campaign.runs={SMALL}")
         return out
