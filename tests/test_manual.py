@@ -263,15 +263,17 @@ def install(copy: Copy, step: Step) -> str:
     assert installing == tested[0].removesuffix(" && pytest").replace("[dev]", f"[{extra[1]}]")
     check_extras(extra[1])
     if after == ["dvc repro"]:
-        runs = copy.root / "results/runs"
+        # its own stores alone: other pages have theirs beside them
+        stores = [copy.root / name for name in re.findall(r"results/runs/\S+", lock())]
         if slow():
             out = copy.bash("dvc repro")
         else:
             # a dry run makes no store, and wants to see those it would have made
-            for name in re.findall(r"results/runs/\S+", lock()):
-                (copy.root / name).mkdir(parents=True, exist_ok=True)
+            for store in stores:
+                store.mkdir(parents=True, exist_ok=True)
             out = copy.bash("dvc repro --dry")
-        shutil.rmtree(runs)
+        for store in stores:
+            shutil.rmtree(store, ignore_errors=True)
         # of all that it makes, pages use this campaign
         copy.bash(f"python -m pipeline.simulate campaign.runs={SMALL}")
         return out
