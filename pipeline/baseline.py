@@ -9,7 +9,7 @@ import csv
 import hashlib
 import io
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +27,8 @@ from pipeline.output import write_json, write_text
 RUNS = 128
 """Runs of the gate's campaign; a multiple of the kernels' lanes."""
 
-_GROUPS = ("truth", "noise", "schedule", "site", "simulation", "estimator", "sensor")
-# What `pipeline.build.build_experiment` reads, but for the seed.
+RUN_GROUPS = ("truth", "noise", "schedule", "site", "simulation", "estimator", "sensor")
+"""Groups that `pipeline.build.build_experiment` reads; the seed is all else."""
 
 # What sketches are in units of: noise of the size of the reference case. Fixed numbers, so that a
 # change of the noise is a change of the sketch.
@@ -39,8 +39,13 @@ _OBSERVATION_NOISE = np.repeat([0.001, 0.1], 3)
 
 def configuration_of(config: Config) -> dict[str, Any]:
     """What of a configuration makes the gate's campaign, seed included."""
-    groups = resolved(config)
-    return {name: groups[name] for name in _GROUPS} | {"seed": config.campaign.seed}
+    return run_settings(resolved(config))
+
+
+def run_settings(configuration: Mapping[str, Any]) -> dict[str, Any]:
+    """What of a configuration as stores and JSON have it makes the runs, seed included."""
+    groups = {name: configuration[name] for name in RUN_GROUPS}
+    return groups | {"seed": configuration["campaign"]["seed"]}
 
 
 def sample_of(experiment: Experiment) -> Sample:

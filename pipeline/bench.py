@@ -14,7 +14,6 @@ For example::
 Reads: out schedule noise truth estimator campaign.batch site simulation sensor.
 """
 
-import json
 import statistics
 import time
 from collections.abc import Callable
@@ -31,7 +30,7 @@ from inscal.simulation import Workspace, draw_truth, generator, simulate
 from pipeline.build import build_experiment
 from pipeline.cluster import client
 from pipeline.config import Config, stage
-from pipeline.output import write_text
+from pipeline.output import write_json
 from pipeline.progress import track
 from pipeline.simulate import batches
 from pipeline.worker import attempt
@@ -156,7 +155,7 @@ def main(config: Config) -> None:
     for name, value in figures.items():
         print(f"{name:26} {value:10.3f}")
     if config.out:
-        write_text(config.out, json.dumps(figures, indent=1) + "\n")
+        write_json(config.out, figures)
 
 
 if __name__ == "__main__":

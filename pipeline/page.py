@@ -27,6 +27,7 @@ from pipeline import (
     page_verdict,
     paper,
 )
+from pipeline.baseline import run_settings
 from pipeline.config import Config, ConfigError, DataError
 from pipeline.page_charts import THEME
 from pipeline.page_data import Campaign
@@ -204,7 +205,7 @@ def _against_first(every: Sequence[Campaign]) -> Section:
 
 
 def _differ_in_noise(every: Sequence[Campaign]) -> bool:
-    settings = [dict(page_data.gate_settings(campaign.configuration)) for campaign in every]
+    settings = [run_settings(campaign.configuration) for campaign in every]
     levels = {str(setting.pop("noise")) for setting in settings}
     same = all(setting == settings[0] for setting in settings)
     return same and len(levels) == len(every) > 1

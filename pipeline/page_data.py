@@ -15,6 +15,7 @@ from inscal.experiment import run_with_history
 from inscal.parameters import KIND_OF, NAMES
 from pipeline import build, findings, observe, store
 from pipeline import figure_style as style
+from pipeline.baseline import RUN_GROUPS
 from pipeline.compare import comparison_of
 from pipeline.config import CONF, Config, DataError, load, resolved
 from pipeline.consistency import config_of
@@ -24,7 +25,6 @@ from pipeline.summarize import as_json, summary_of
 FEWEST = 2
 """Runs done that a report needs: of one there is no scatter."""
 
-_GROUPS = ("truth", "noise", "schedule", "site", "simulation", "estimator", "sensor")
 _BINS = 30
 _POINTS = 250  # of a course over time
 _CURVE = 61  # of a normal curve
@@ -200,7 +200,7 @@ def command(configuration: Mapping[str, Any], path: Path) -> str:
     """
     usual = resolved(load([]))
     overrides = [f"campaign.store={path}"]
-    for group in _GROUPS:
+    for group in RUN_GROUPS:
         wanted = configuration[group]
         if wanted == usual[group]:
             continue
@@ -210,12 +210,6 @@ def command(configuration: Mapping[str, Any], path: Path) -> str:
     wanted = {key: configuration["campaign"][key] for key in ("runs", "seed", "precision")}
     overrides += _overrides(usual["campaign"], wanted, "campaign")
     return shlex.join(["python", "-m", "pipeline.simulate", *overrides])
-
-
-def gate_settings(configuration: Mapping[str, Any]) -> dict[str, Any]:
-    """What of a configuration makes the runs, seed included."""
-    groups = {group: configuration[group] for group in _GROUPS}
-    return groups | {"seed": configuration["campaign"]["seed"]}
 
 
 def _overrides(usual: Mapping[str, Any], wanted: Mapping[str, Any], prefix: str) -> list[str]:

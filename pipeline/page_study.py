@@ -9,9 +9,10 @@ from inscal import statistics
 from inscal.parameters import COUNT, KIND_OF, KINDS, NAMES
 from pipeline import findings, history, page_charts, paper
 from pipeline import markdown as md
-from pipeline.config import Config, resolved
+from pipeline.baseline import configuration_of
+from pipeline.config import Config
 from pipeline.findings import RATIO_BAND
-from pipeline.page_data import Campaign, gate_settings, rounded
+from pipeline.page_data import Campaign, rounded
 from pipeline.page_parts import Cell, Picture, Section, Table, cells
 from pipeline.page_verdict import look
 from pipeline.paper_noise import SCALES
@@ -222,7 +223,7 @@ def accuracy_history(rows: Sequence[history.Row], campaign: Campaign, config: Co
         campaign.error,
         campaign.predicted_std,
         campaign.runs["nees"].to_numpy(),
-        gate_settings(resolved(config)),
+        configuration_of(config),
         date="now",
         reason=campaign.name,
     )

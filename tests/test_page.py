@@ -13,8 +13,18 @@ from campaigns import error_lines, make, run_stage, short
 from omegaconf.errors import OmegaConfBaseException
 
 from inscal.parameters import KINDS, NAMES
-from pipeline import findings, history, page, page_data, page_verdict, provenance, report, store
-from pipeline.config import DataError, load, resolved
+from pipeline import (
+    baseline,
+    findings,
+    history,
+    page,
+    page_data,
+    page_verdict,
+    provenance,
+    report,
+    store,
+)
+from pipeline.config import DataError, load
 from pipeline.output import json_data
 from pipeline.paper_verdicts import MET, NOT_MET, UNDECIDED
 from pipeline.simulate import simulate_campaign
@@ -310,7 +320,7 @@ def test_commit_is_that_of_this_code_alone(tmp_path, monkeypatch):
 def test_history_grows_and_reads_back(tmp_path):
     rng = np.random.default_rng(1)
     error, sigma = rng.standard_normal((40, len(NAMES))), np.ones(len(NAMES))
-    settings = page_data.gate_settings(resolved(load([])))
+    settings = baseline.configuration_of(load([]))
     for number in range(2):
         row = history.row_of(
             error * (1 + number), sigma, np.full(40, 27.0), settings, date="d", reason="a, 'b'"
