@@ -95,7 +95,7 @@ def remarks(text: str) -> dict[str, str]:
 
 def groups() -> Iterator[tuple[str, type, str, list[str]]]:
     """Name, schema class, default choice and all choices of every group of ``conf/``."""
-    from pipeline.config import Config
+    from pipeline.config.load import Config
 
     entries = yaml.safe_load((_ROOT / "conf/config.yaml").read_text())["defaults"]
     chosen = {
@@ -113,7 +113,7 @@ def groups() -> Iterator[tuple[str, type, str, list[str]]]:
 
 def keys_of(group: str, schema: type, choice: str) -> list[Key]:
     """Keys of a group, with the values of a composed default configuration."""
-    from pipeline.config import load
+    from pipeline.config.load import load
 
     comments: dict[str, str] = {}
     for path in _ancestry(group, choice):
@@ -148,7 +148,7 @@ def _keys(prefix: str, schema: type, values: object, comments: dict[str, str]) -
 
 def _kind(key: str) -> str:
     """Kind of parameter, in words, of a key that holds values of a kind."""
-    from pipeline.checks import KIND_KEYS
+    from pipeline.config.rules import KIND_KEYS
 
     kind = {key: kind for kind, key in KIND_KEYS.items()}.get(key)
     return f"{kind.replace('_', ' ').capitalize()}." if kind else ""
@@ -163,7 +163,7 @@ def _short(value: object) -> str:
 
 def top_keys() -> list[Key]:
     """Keys of no group."""
-    from pipeline.config import Config, load
+    from pipeline.config.load import Config, load
 
     comments = remarks((_ROOT / "conf/config.yaml").read_text())
     return list(_keys("", Config, load([]), comments))

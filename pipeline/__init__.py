@@ -10,7 +10,7 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 
 # `python -m pipeline.<stage>` comes here before it imports numpy, dask and the like, for seconds.
 if sys.argv[:1] == ["-m"]:
-    from pipeline import help, interrupts
+    from pipeline.console import help, interrupts
 
     help.answer_early()
     interrupts.begin()

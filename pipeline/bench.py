@@ -14,143 +14,18 @@ For example::
 Reads: out schedule noise truth estimator campaign.batch site simulation sensor.
 """
 
-import statistics
-import time
-from collections.abc import Callable
-from dataclasses import replace
-
-import numpy as np
-from distributed import wait
-from numba import njit
-
-from inscal.calibrator import calibrate
-from inscal.experiment import Experiment, run
-from inscal.kernel import KERNEL, LANES
-from inscal.simulation import Workspace, draw_truth, generator, simulate
-from pipeline.build import build_experiment
-from pipeline.cluster import client
-from pipeline.config import Config, stage
-from pipeline.output import write_json
-from pipeline.progress import track
-from pipeline.simulate import batches
-from pipeline.worker import attempt
-
-_YARDSTICK = 342_000
-_ROUNDS = 9
-_TILES = 4
-_CAMPAIGN = 2000
-_WARM = 8 * LANES
-_SESSIONS = 5
-
-
-@njit(**KERNEL)
-def _draw_yardstick(rng, count):
-    total = 0.0
-    for _ in range(count):
-        total += rng.standard_normal()
-    return total
-
-
-def _seconds(call: Callable[[], object]) -> float:
-    start = time.perf_counter()
-    call()
-    return time.perf_counter() - start
-
-
-def cost(experiment: Experiment) -> dict[str, float]:
-    """R, F and their ratio, and the shares of R, as medians over interleaved rounds.
-
-    Parameters
-    ----------
-    experiment : Experiment
-
-    Returns
-    -------
-    dict of str to float
-        Times in ms.
-    """
-    rng = generator(0, 0, "sensors")
-    workspace = Workspace.of(experiment.motion)
-    runs = range(_TILES * LANES)
-    truth = np.array([draw_truth(experiment.truth, 0, r) for r in range(LANES)]).T
-
-    def simulated():
-        return simulate(
-            truth,
-            experiment.motion,
-            experiment.noise,
-            experiment.initial,
-            seed=0,
-            runs=range(LANES),
-            workspace=workspace,
-        )
-
-    record = simulated()
-    calls: dict[str, tuple[Callable[[], object], int]] = {
-        "F_ms": (lambda: _draw_yardstick(rng, _YARDSTICK), 1),
-        "R_ms": (lambda: run(experiment, runs, workspace), len(runs)),
-        "simulation_ms": (simulated, LANES),
-        "passes_ms": (
-            lambda: calibrate(record, experiment.motion, experiment.site, experiment.estimator),
-            LANES,
-        ),
-    }
-    for call, _ in calls.values():
-        call()
-    times: dict[str, list[float]] = {name: [] for name in calls}
-    for _ in track(range(_ROUNDS), "one run"):
-        for name, (call, count) in calls.items():
-            times[name].append(1e3 * _seconds(call) / count)
-    ratio = [r / f for r, f in zip(times["R_ms"], times["F_ms"], strict=True)]
-    return {name: statistics.median(t) for name, t in times.items()} | {
-        "R_over_F": statistics.median(ratio),
-        "normals_per_run": 6.0 * (experiment.motion.steps + experiment.motion.updates),
-    }
-
-
-def throughput(config: Config, experiment: Experiment) -> dict[str, float]:
-    """Runs per second of one and of two workers, and the efficiency of the second.
-
-    The workers are threads of dask that a campaign would have, and are given its batches.
-
-    Parameters
-    ----------
-    config : Config
-    experiment : Experiment
-
-    Returns
-    -------
-    dict of str to float
-    """
-
-    def rate(count: int) -> float:
-        # one cluster at a time: another would take its share of the cores even when idle
-        with client(replace(config.cluster, kind="threads", workers=count)) as workers:
-
-            def seconds(runs: int) -> float:
-                todo = list(batches(np.arange(runs), config.campaign.batch, lambda: count))
-                return _seconds(
-                    lambda: wait(workers.map(lambda b: attempt(experiment, b), todo, pure=False))
-                )
-
-            seconds(_WARM)  # every thread takes its memory
-            return _CAMPAIGN / seconds(_CAMPAIGN)
-
-    sessions = track(range(_SESSIONS), "campaigns of one and two workers")
-    rates = np.array([[rate(1), rate(2)] for _ in sessions])
-    return {
-        "runs_per_s_one_worker": float(np.median(rates[:, 0])),
-        "runs_per_s_two_workers": float(np.median(rates[:, 1])),
-        "efficiency_of_two_workers": float(np.median(rates[:, 1] / rates[:, 0])) / 2,
-    }
+from pipeline.campaign.cost import cost, seconds_of, throughput
+from pipeline.config.schema import Config
+from pipeline.config.setup import Setup
+from pipeline.config.stage import stage
+from pipeline.console.output import write_json
 
 
 @stage
 def main(config: Config) -> None:
     """Measure, print, and write as JSON where `out` says."""
-    build_experiment(config)  # compiles or loads what is compiled
-    seconds = _seconds(lambda: build_experiment(config))
-    experiment = build_experiment(config)
+    experiment = Setup(config).experiment  # compiles or loads what is compiled
+    seconds = seconds_of(lambda: Setup(config).experiment)
     figures = {"setup_ms": 1e3 * seconds} | cost(experiment) | throughput(config, experiment)
     for name, value in figures.items():
         print(f"{name:26} {value:10.3f}")

@@ -14,54 +14,16 @@ from pathlib import Path
 
 import xarray as xr
 
-from inscal.summary import compare
-from pipeline import store
-from pipeline.baseline import differences
-from pipeline.config import Config, ConfigError, DataError, stage
-from pipeline.findings import contest, contest_verdict
-from pipeline.output import json_data, table_text, write_text
-from pipeline.summarize import as_json
-from pipeline.terminal import new_table, say, show
+from pipeline.campaign.judged import as_json, comparison_of
+from pipeline.config.schema import Config
+from pipeline.config.stage import stage
+from pipeline.console.errors import ConfigError
+from pipeline.console.output import json_data, table_text, write_text
+from pipeline.console.terminal import new_table, say, show
+from pipeline.study.findings import contest, contest_verdict
 
 _FOLDER = Path("results/comparison")
 _RESAMPLES = 4000
-
-
-def comparison_of(a: str | Path, b: str | Path) -> xr.Dataset:
-    """Paired comparison of two campaign stores.
-
-    Parameters
-    ----------
-    a, b : str or Path
-
-    Returns
-    -------
-    xarray.Dataset
-        Of `inscal.summary.compare`.
-
-    Raises
-    ------
-    DataError
-        If a store is missing, or the two cannot be paired.
-    """
-    left, right = store.read(a), store.read(b)
-    if left.attrs["seed"] != right.attrs["seed"]:
-        seeds = left.attrs["seed"], right.attrs["seed"]
-        raise DataError(f"a = {a}, b = {b}: seeds {seeds} differ, so their runs are no pairs")
-    units = [campaign.attrs["configuration"]["sensor"] for campaign in (left, right)]
-    if differing := differences(units[0], units[1], "sensor."):
-        raise DataError(f"a = {a}, b = {b}: errors in other units: {', '.join(differing)}")
-    try:
-        result = compare(left, right, resamples=_RESAMPLES, seed=left.attrs["seed"])
-    except ValueError as error:
-        raise DataError(f"a = {a}, b = {b}: {error}") from None
-    duration = [_duration(campaign) for campaign in (left, right)]
-    return result.assign_attrs(a=Path(a).name, b=Path(b).name, duration_s=duration)
-
-
-def _duration(campaign: xr.Dataset) -> float:
-    schedule = campaign.attrs["configuration"]["schedule"]
-    return (len(schedule["rotations"]) + 1) * schedule["position_duration_s"]
 
 
 def print_comparison(result: xr.Dataset) -> None:

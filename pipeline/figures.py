@@ -10,12 +10,15 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from inscal.summary import DONE
-from pipeline import figure_style as style
-from pipeline import findings, plots, store
-from pipeline.config import Config, stage
-from pipeline.plots import Campaign
-from pipeline.progress import track
-from pipeline.summarize import summary_of
+from pipeline.campaign import store
+from pipeline.campaign.judged import summary_of
+from pipeline.charts import campaigns as plots
+from pipeline.charts import style
+from pipeline.charts.campaigns import Campaign
+from pipeline.config.schema import Config
+from pipeline.config.stage import stage
+from pipeline.console.progress import track
+from pipeline.study import findings
 
 FOLDER = Path("results/figures")
 

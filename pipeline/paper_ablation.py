@@ -6,15 +6,16 @@ Writes ``ablation.md``, ``ablation.csv`` and ``ablation.png`` in ``results/paper
 Reads: bounds schedule.
 """
 
-from pipeline import figure_style as style
-from pipeline import findings
-from pipeline.ablation import TRUTHS, ablation_of, table
-from pipeline.ablation_plots import ablation_figure
-from pipeline.config import Config, stage
-from pipeline.output import write_text
-from pipeline.paper_ablation_text import ablation_text
-from pipeline.paper_page import FOLDER
-from pipeline.progress import track
+from pipeline.charts import style
+from pipeline.config.schema import Config
+from pipeline.config.stage import stage
+from pipeline.console.output import write_text
+from pipeline.console.progress import track
+from pipeline.paper.ablation import TRUTHS, ablation_of, table
+from pipeline.paper.ablation_figure import ablation_figure
+from pipeline.paper.ablation_text import ablation_text
+from pipeline.paper.pages import FOLDER
+from pipeline.study import findings
 
 
 @stage

@@ -13,10 +13,11 @@ Reads: truth schedule noise estimator campaign.runs campaign.seed campaign.store
 sensor bounds.
 """
 
-from pipeline import paper_accuracy_report as report
-from pipeline.config import Config, stage
-from pipeline.paper_accuracy_study import study_of
-from pipeline.paper_page import write_page
+from pipeline.config.schema import Config
+from pipeline.config.stage import stage
+from pipeline.paper import accuracy_report as report
+from pipeline.paper.accuracy_study import study_of
+from pipeline.paper.pages import write_page
 
 
 @stage

@@ -11,14 +11,14 @@ For example::
 Reads: laboratory schedule noise estimator campaign.seed site simulation sensor bounds.
 """
 
-from pipeline import paper_laboratory_report as report
-from pipeline.config import Config, stage
-from pipeline.paper_laboratory_study import study_of
-from pipeline.paper_page import write_page
+from pipeline.paper import laboratory_report as report
+from pipeline.paper.config import PaperConfig, stage
+from pipeline.paper.laboratory_study import study_of
+from pipeline.paper.pages import write_page
 
 
 @stage
-def main(config: Config) -> None:
+def main(config: PaperConfig) -> None:
     """Write the report, its numbers and its figure."""
     study = study_of(config)
     write_page("laboratory", report.text(study), report.numbers(study), report.figure(study))

@@ -6,17 +6,18 @@ with their tables and figures in ``results/paper``. Every verdict follows from t
 Reads: schedule noise estimator site sensor bounds.
 """
 
-from pipeline import figure_style as style
-from pipeline.config import Config, stage
-from pipeline.observe import CONVENTIONS, share_table
-from pipeline.observe_plots import rank_figure, sigma_heat_map
-from pipeline.output import write_text
-from pipeline.paper_observability import SEARCHED, Structure, rank_table, readings_of, structure_of
-from pipeline.paper_page import FOLDER
-from pipeline.paper_quadratic_text import quadratic_text
-from pipeline.paper_structure_text import observability_text
-from pipeline.paper_tables import TABLE_2_RANKS
-from pipeline.progress import busy
+from pipeline.charts import style
+from pipeline.charts.observability import rank_figure, sigma_heat_map
+from pipeline.config.schema import Config
+from pipeline.config.stage import stage
+from pipeline.console.output import write_text
+from pipeline.console.progress import busy
+from pipeline.paper.pages import FOLDER
+from pipeline.paper.quadratic_text import quadratic_text
+from pipeline.paper.structure import SEARCHED, Structure, rank_table, readings_of, structure_of
+from pipeline.paper.structure_text import observability_text
+from pipeline.paper.tables import TABLE_2_RANKS
+from pipeline.study.observability import CONVENTIONS, share_table
 
 
 def write_figures(config: Config, structure: Structure) -> None:

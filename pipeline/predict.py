@@ -13,35 +13,28 @@ Reads: schedule noise estimator out sensor site bounds.
 from inscal.parameters import NAMES, UNITS
 from inscal.recursion import compute_gains
 from inscal.state_model import StateModel, build_transitions
-from pipeline.build import (
-    build_initial_std,
-    build_noise,
-    build_schedule,
-    build_site,
-    parameter_vector,
-    si_units,
-    warnings,
-)
-from pipeline.config import Config, stage
-from pipeline.output import complain, write_json
-from pipeline.terminal import new_table, show
+from pipeline.config.schema import Config
+from pipeline.config.setup import Setup
+from pipeline.config.stage import stage
+from pipeline.console.output import complain, write_json
+from pipeline.console.terminal import new_table, show
 
 
 @stage
 def main(config: Config) -> None:
     """Print the table; write it as JSON where `out` says."""
-    complain(warnings(config))
-    model, noise = StateModel(tuple(config.estimator.states)), build_noise(config)
+    complain(Setup(config).warnings)
+    model, noise = StateModel(tuple(config.estimator.states)), Setup(config).noise
     transitions = build_transitions(
-        build_schedule(config),
-        build_site(config),
+        Setup(config).schedule,
+        Setup(config).site,
         model,
         noise,
         update_interval=config.estimator.update_interval_s,
     )
-    gains = compute_gains(transitions, model, noise, build_initial_std(config))
-    std = gains.parameter_std[-1] / si_units(config)
-    bound = parameter_vector(config.bounds)
+    gains = compute_gains(transitions, model, noise, Setup(config).prior)
+    std = gains.parameter_std[-1] / Setup(config).unit
+    bound = Setup(config).bound
     table = new_table(("parameter", "unit"), ("predicted_std", "bound", "bound / sigma"))
     for name, unit, sigma, limit in zip(NAMES, UNITS, std, bound, strict=True):
         ratio = f"{limit / sigma:.1f}" if sigma > 0 else "not modelled"

@@ -10,63 +10,13 @@ For example::
 Reads: schedule noise campaign.store bounds.
 """
 
-from pathlib import Path
-
 import xarray as xr
 
-from inscal.parameters import NAMES
-from inscal.summary import summarize
-from pipeline import store
-from pipeline.build import parameter_vector
-from pipeline.config import Config, DataError, stage
-from pipeline.output import complain, json_text, table_text, write_text
-from pipeline.terminal import new_table, show
-
-_FOLDER = Path("results/summary")
-
-
-def summary_of(config: Config, path: str | Path) -> xr.Dataset:
-    """Summary of a campaign store.
-
-    Parameters
-    ----------
-    config : Config
-        Gives the bounds.
-    path : str or Path
-        Campaign store.
-
-    Returns
-    -------
-    xarray.Dataset
-        Of `inscal.summary.summarize`.
-
-    Raises
-    ------
-    DataError
-        If there is no store, or no run in it is done.
-    """
-    campaign = store.read(path)
-    bound = xr.DataArray(
-        parameter_vector(config.bounds), dims="parameter", coords={"parameter": list(NAMES)}
-    )
-    try:
-        summary = summarize(campaign, bound)
-    except ValueError as error:
-        raise DataError(f"campaign store {path}: {error}") from None
-    missing = campaign.sizes["run"] - int(summary.runs_done) - int(summary.runs_failed)
-    if missing:
-        complain([f"note: {path}: {missing} of {campaign.sizes['run']} runs are not made"])
-    configuration = campaign.attrs["configuration"]
-    return summary.assign_attrs(
-        campaign=Path(path).name,
-        seed=campaign.attrs["seed"],
-        passes=configuration["estimator"]["passes"],
-        truth=configuration["truth"]["distribution"],
-        schedule=configuration["schedule"]["name"],
-        noise=configuration["noise"],
-        quadratic_unit=configuration["sensor"]["quadratic_unit"],
-        failed_runs=[int(r) for r in campaign.run[campaign.status == store.FAILED]],
-    )
+from pipeline.campaign.judged import _FOLDER, as_json, summary_of
+from pipeline.config.schema import Config
+from pipeline.config.stage import stage
+from pipeline.console.output import table_text, write_text
+from pipeline.console.terminal import new_table, show
 
 
 def print_summary(summary: xr.Dataset) -> None:
@@ -103,22 +53,6 @@ def print_summary(summary: xr.Dataset) -> None:
 
 def _ratio(value: float) -> str:
     return f"{value:.3f}" if value < 100.0 else f"{value:.3g}"
-
-
-def as_json(dataset: xr.Dataset) -> str:
-    """JSON text of a dataset on parameter: attributes, scalars, then one object per parameter.
-
-    `pipeline.output.json_data` reads it back; NaN is null in between.
-    """
-    scalars = {name: v.item() for name, v in dataset.data_vars.items() if v.ndim == 0}
-    table = {
-        str(name): {
-            key: v.sel(parameter=name).item() for key, v in dataset.data_vars.items() if v.ndim
-        }
-        | {"unit": str(dataset.unit.sel(parameter=name).values)}
-        for name in dataset.parameter.values
-    }
-    return json_text(dataset.attrs | scalars | {"parameters": table})
 
 
 @stage

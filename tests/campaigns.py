@@ -9,9 +9,9 @@ from unittest import mock
 
 import numpy as np
 
-from pipeline import store
-from pipeline.config import load
-from pipeline.simulate import simulate_campaign
+from pipeline.campaign import store
+from pipeline.campaign.driver import simulate_campaign
+from pipeline.config.load import load
 
 SHORT = (
     "schedule.position_duration_s=40",

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import settings
 
 from inscal.schedule import Schedule
-from pipeline.build import build_schedule
-from pipeline.config import load
+from pipeline.config.load import load
+from pipeline.config.setup import Setup
 
 # compilation happens in the middle of an example; examples are the same in every run
 settings.register_profile("inscal", deadline=None, derandomize=True)
@@ -18,7 +18,7 @@ settings.load_profile("inscal")
 
 def paper_schedule(positions: int = 25, position_duration: float = 500.0) -> Schedule:
     """The paper's path, or its head, at a chosen pace."""
-    schedule = build_schedule(load([]))
+    schedule = Setup(load([])).schedule
     return dataclasses.replace(
         schedule, turns=schedule.turns[: positions - 1], position_duration=position_duration
     )

@@ -7,14 +7,14 @@ from scipy.spatial.transform import Rotation
 
 from inscal import calibrator, earth, experiment, motion, recursion, simulation, state_model, units
 from inscal.parameters import GROUPS, INDEX, KIND_OF
-from pipeline.build import build_experiment
-from pipeline.config import load
+from pipeline.config.load import load
+from pipeline.config.setup import Setup
 
 INSTALLATION = [i for i, kind in enumerate(KIND_OF) if kind.endswith("installation")]
 
 
 def reference():
-    return build_experiment(load())
+    return Setup(load()).experiment
 
 
 def built_with(patch, owner, name, value):
@@ -173,7 +173,7 @@ def sensor_noise_under_modelled(patch):
 
 
 def one_pass(patch):
-    return build_experiment(load(["estimator=one_pass"]))
+    return Setup(load(["estimator=one_pass"])).experiment
 
 
 def translation_missing(patch):

@@ -18,9 +18,12 @@ from distributed import LocalCluster, get_client
 
 from inscal.kernel import LANES
 from inscal.parameters import COUNT, NAMES, UNITS
-from pipeline import cluster, progress, simulate, store, worker
-from pipeline.build import build_experiment, si_units
-from pipeline.config import DataError, load
+from pipeline import simulate
+from pipeline.campaign import cluster, store, worker
+from pipeline.config.load import load
+from pipeline.config.setup import Setup
+from pipeline.console import progress
+from pipeline.console.errors import DataError
 
 DIVERGING = "truth.accel_quadratic_1e_9=4000"
 """So large that in some runs no specific force explains what the sensor reports."""
@@ -357,7 +360,7 @@ def test_course_of_a_run_has_every_pass_and_units():
     )
     np.testing.assert_array_equal(course.error, course.estimate - course.truth)
     # the predicted sigma of the first pass ends at that of the store
-    std = build_experiment(config).estimator.predicted_std / si_units(config)
+    std = Setup(config).experiment.estimator.predicted_std / Setup(config).unit
     np.testing.assert_array_equal(course.predicted_std.sel(calibration_pass=1)[-1], std)
     # the first pass ends where its own campaign would; the second goes on from there
     one = simulate.history_dataset(load([*SHORT, "only_run=17", "estimator=one_pass"]))
@@ -509,7 +512,7 @@ def test_plain_output_is_one_line(tmp_path):
 def test_resumed_output_is_two_lines(tmp_path):
     config = short(tmp_path / "campaign")
     opened = store.open_store(config, np.ones(COUNT))
-    store.write(opened, config, [([0, 1, 2], worker.attempt(build_experiment(config), [0, 1, 2]))])
+    store.write(opened, config, [([0, 1, 2], worker.attempt(Setup(config).experiment, [0, 1, 2]))])
     ended = run_stage(simulate, *SHORT, f"campaign.store={tmp_path / 'campaign'}")
     first, last = error_lines(ended)
     assert first == "campaign: resuming after 3 of 30 runs"

@@ -12,8 +12,10 @@ import pytest
 from hydra.core.global_hydra import GlobalHydra
 
 from inscal import parameters
-from pipeline.checks import KIND_KEYS
-from pipeline.config import CONF, ConfigError, KindValues, load, resolved
+from pipeline.config.load import load, resolved
+from pipeline.config.schema import KIND_KEYS, KindValues
+from pipeline.console.errors import ConfigError
+from pipeline.console.help import CONF
 
 GROUPS = sorted(path.name for path in CONF.iterdir() if path.is_dir())
 OPTIONS = [
@@ -330,7 +332,9 @@ Usage: ``python -m small_stage [noise=...]``
 Reads: noise out.
 """
 
-from pipeline.config import DataError, load, stage
+from pipeline.config.load import load
+from pipeline.config.stage import stage
+from pipeline.console.errors import DataError
 
 @stage
 def main(config):
@@ -428,9 +432,7 @@ def test_stage_keeps_hydras_own_options(run_stage):
 
 
 def test_configuration_does_not_import_the_heavy_libraries():
-    code = (
-        "import sys, pipeline.config; print({'numba', 'dask', 'xarray', 'scipy'} & {*sys.modules})"
-    )
+    code = "import sys, pipeline.config.load; print({'numba', 'dask', 'xarray', 'scipy'} & {*sys.modules})"
     root = Path(__file__).resolve().parent.parent
     result = subprocess.run(
         [sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True

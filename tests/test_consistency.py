@@ -15,13 +15,17 @@ from inscal import statistics
 from inscal.experiment import run, run_with_history
 from inscal.innovations import Sample, sample, share_beyond_band, whiten
 from inscal.parameters import COUNT, NAMES, UNITS, paper_bounds
-from pipeline import consistency, consistency_goals, consistency_plots, consistency_report
-from pipeline import consistency_statistics as numbers
-from pipeline.build import build_experiment
-from pipeline.config import DataError, load, resolved
-from pipeline.consistency_statistics import LAGS, Bounds
-from pipeline.output import json_data
-from pipeline.summarize import as_json
+from pipeline import consistency
+from pipeline.campaign.judged import as_json
+from pipeline.charts import consistency as consistency_plots
+from pipeline.config.load import load, resolved
+from pipeline.config.setup import Setup
+from pipeline.console.errors import DataError
+from pipeline.console.output import json_data
+from pipeline.proof import goals as consistency_goals
+from pipeline.proof import report as consistency_report
+from pipeline.proof import statistics as numbers
+from pipeline.proof.statistics import LAGS, Bounds
 
 SIGMA = paper_bounds() / 5.0
 BOUNDS = Bounds(SIGMA, 1.001 * SIGMA, 1e-9)
@@ -295,7 +299,7 @@ def short_campaign(tmp_path_factory):
 
 
 def test_sample_repeats_the_runs(short_campaign):
-    experiment = build_experiment(short(short_campaign))
+    experiment = Setup(short(short_campaign)).experiment
     updates = experiment.motion.updates
     runs = [*range(33), 35]  # more than a tile, with a gap
     found = sample(experiment, runs, [slice(0, updates), slice(40, 80)], LAGS)
@@ -370,7 +374,7 @@ def test_unfinished_and_stale_campaigns_are_refused(short_campaign, tmp_path):
     )
     stale = done.assign(estimate=done["estimate"] + 1e-3 * done["predicted_std"])
     with pytest.raises(DataError, match="not what this version makes"):
-        consistency.repeat_runs(stale, config, build_experiment(config))
+        consistency.repeat_runs(stale, config, Setup(config).experiment)
     zarr.open_group(path, mode="r+")["status"][1] = 2
     assert consistency.done_of(path).attrs["failed"] == 1
     zarr.open_group(path, mode="r+")["status"][2] = 2

@@ -17,10 +17,12 @@ import pytest
 from campaigns import SHORT, assert_same_store, error_lines, make, run_stage, short
 from distributed import LocalCluster, get_client
 
-from pipeline import cluster, interrupts, simulate, store
-from pipeline.config import load
-from pipeline.lock import writing
-from pipeline.provenance import log_path
+from pipeline import simulate
+from pipeline.campaign import cluster, store
+from pipeline.campaign.lock import writing
+from pipeline.campaign.provenance import log_path
+from pipeline.config.load import load
+from pipeline.console import interrupts
 
 ROOT = str(Path(__file__).resolve().parent.parent)
 BOTH = (signal.SIGINT, signal.SIGTERM)
@@ -162,8 +164,9 @@ def test_an_interrupt_while_the_workers_start(tmp_path, monkeypatch):
 STAGE = """
 import os, signal, sys, time
 from pathlib import Path
-from pipeline import interrupts, output
-from pipeline.config import stage
+from pipeline.console import interrupts
+from pipeline.console import output
+from pipeline.config.stage import stage
 
 @stage
 def main(config):
@@ -280,9 +283,7 @@ def test_one_writer_of_a_store_at_a_time(tmp_path):
 
 
 def test_a_killed_writer_leaves_no_lock(tmp_path):
-    code = (
-        "import sys, time, pipeline.lock as l\nwith l.writing(sys.argv[1]): print(); time.sleep(60)"
-    )
+    code = "import sys, time, pipeline.campaign.lock as l\nwith l.writing(sys.argv[1]): print(); time.sleep(60)"
     path = tmp_path / "campaign"
     process = started("-c", code, str(path), cwd=tmp_path)
     process.stdout.readline()

@@ -12,7 +12,7 @@ from inscal.motion import Site
 from inscal.parameters import INDEX, NAMES
 from inscal.schedule import attitudes, turn_vector
 from pipeline import observe
-from pipeline.config import load
+from pipeline.config.load import load
 
 SITE = Site(np.deg2rad(39.98), 50.0)
 TURNING = {"gyro": "turning", "lever": "turning"}

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.output import json_data, json_text, write_json
+from pipeline.console.output import json_data, json_text, write_json
 
 RESULTS = Path(__file__).resolve().parent.parent / "results"
 COMMITTED = sorted(p for p in RESULTS.rglob("*.json") if RESULTS / "runs" not in p.parents)

@@ -13,22 +13,19 @@ from campaigns import error_lines, make, run_stage, short
 from omegaconf.errors import OmegaConfBaseException
 
 from inscal.parameters import KINDS, NAMES
-from pipeline import (
-    baseline,
-    findings,
-    history,
-    page,
-    page_data,
-    page_verdict,
-    provenance,
-    report,
-    store,
-)
-from pipeline.config import DataError, load
-from pipeline.output import json_data
-from pipeline.paper_verdicts import MET, NOT_MET, UNDECIDED
-from pipeline.simulate import simulate_campaign
-from pipeline.summarize import as_json, summary_of
+from pipeline import report
+from pipeline.campaign import provenance, store
+from pipeline.campaign.driver import simulate_campaign
+from pipeline.campaign.judged import as_json, summary_of
+from pipeline.config.load import load
+from pipeline.console.errors import DataError
+from pipeline.console.output import json_data
+from pipeline.gate import baseline, history
+from pipeline.page import compose as page
+from pipeline.page import data as page_data
+from pipeline.page import verdict as page_verdict
+from pipeline.study import findings
+from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
 
 SECTIONS = [
     *("verdict", "distributions", "sigma", "nees", "schedules", "convergence", "observability"),

@@ -8,8 +8,8 @@ import pytest
 from campaigns import make
 
 from inscal.parameters import NAMES
-from pipeline import page
-from pipeline.config import load
+from pipeline.config.load import load
+from pipeline.page import compose as page
 
 webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed")
 By = pytest.importorskip("selenium.webdriver.common.by").By

@@ -1,7 +1,7 @@
 import pytest
 
-from pipeline import paper
-from pipeline.config import DataError
+from pipeline.console.errors import DataError
+from pipeline.paper import claims as paper
 
 PAGE = """# What is claimed
 

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 
 from inscal.parameters import COUNT, KIND_OF, KINDS, vector
-from pipeline import paper_noise, paper_values, paper_verdicts
-from pipeline.build import parameter_vector
-from pipeline.config import load
-from pipeline.paper_accuracy_report import margin_cells
-from pipeline.paper_accuracy_study import kind_probability
-from pipeline.paper_noise import SCALES, explain, margins, predicted_std, scaled
+from pipeline.config.load import load
+from pipeline.config.setup import Setup, parameter_vector
+from pipeline.paper import noise as paper_noise
+from pipeline.paper import values as paper_values
+from pipeline.paper.accuracy_report import margin_cells
+from pipeline.paper.accuracy_study import kind_probability
+from pipeline.paper.noise import SCALES, explain, margins, predicted_std, scaled
+from pipeline.study import verdict as paper_verdicts
 
 
 def power_law_table():
@@ -86,7 +88,7 @@ def test_scaled_noise_scales_sigma(reference):
 def test_paper_estimates_are_near_the_truth_of_their_kind():
     paper = load(["truth=paper"])
     error = vector(paper_values.TABLE_3_ESTIMATES) - parameter_vector(paper.truth)
-    assert (np.abs(error) <= parameter_vector(paper.bounds)).all()
+    assert (np.abs(error) <= Setup(paper).bound).all()
 
 
 def test_verdicts():

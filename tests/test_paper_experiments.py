@@ -9,15 +9,16 @@ from inscal.effects import Course
 from inscal.free_inertial import Flight, fly
 from inscal.motion import build_motion
 from inscal.parameters import COUNT, INDEX, si_units
-from pipeline import paper_convergence, paper_effects, paper_laboratory_report
-from pipeline import paper_laboratory_study as laboratory
-from pipeline.build import build_schedule, build_site, quadratic_unit
-from pipeline.config import load
+from pipeline import paper_convergence, paper_effects
+from pipeline.config.load import load
+from pipeline.config.setup import Setup
+from pipeline.paper import laboratory_report as paper_laboratory_report
+from pipeline.paper import laboratory_study as laboratory
+from pipeline.paper.laboratory_report import NAVIGATION_POSITION_ERROR_NMI, converged, reach_text
+from pipeline.paper.laboratory_study import COMPENSATED, PERFECT, UNCOMPENSATED, Residual
+from pipeline.paper.values import TABLE_4
 from pipeline.paper_convergence import GROUPS, LEVER_ARM, QUADRATIC, settled_at
 from pipeline.paper_effects import REST, SWING, VIBRATION
-from pipeline.paper_laboratory_report import NAVIGATION_POSITION_ERROR_NMI, converged, reach_text
-from pipeline.paper_laboratory_study import COMPENSATED, PERFECT, UNCOMPENSATED, Residual
-from pipeline.paper_values import TABLE_4
 
 # effects
 
@@ -121,7 +122,7 @@ def test_text_of_the_lever_arm_follows_when_it_settles(reference):
 def test_coarse_scale_leaves_the_same_sensor(reference):
     """True rate and force from raw readings, with and without coarse factors, are the same."""
     coarse, pulses = [442000.0, 440000.0, 443000.0], [1673.0, 1670.0, 1716.0]
-    unit = si_units(quadratic_unit(reference))
+    unit = si_units(Setup(reference).quadratic_unit)
     left = laboratory.residual_truth(TABLE_4[0], coarse, pulses, unit)
     raw = laboratory.residual_truth(TABLE_4[0], [0.0] * 3, TABLE_4[0].accel_pulses, unit)
     reading = np.array([0.1, -0.2, 0.3])
@@ -144,9 +145,9 @@ def test_perfect_sensors_stay_and_a_bias_does_not(reference):
     short = dataclasses.replace(
         reference.schedule, position_duration_s=60.0, rotations=reference.schedule.rotations[:3]
     )
-    config, site = dataclasses.replace(reference, schedule=short), build_site(reference)
+    config, site = dataclasses.replace(reference, schedule=short), Setup(reference).site
     motion = build_motion(
-        build_schedule(config), site, update_interval=1.0, dwell_step=1.0, turn_step=0.5
+        Setup(config).schedule, site, update_interval=1.0, dwell_step=1.0, turn_step=0.5
     )
     sensors = np.concatenate([motion.angle, motion.velocity], axis=1)[:, :, None].repeat(2, axis=2)
     known = np.zeros((COUNT, 2))

@@ -10,19 +10,23 @@ from conftest import paper_schedule
 from inscal import observability as obs
 from inscal.parameters import INDEX, NAMES
 from inscal.schedule import Turn
-from pipeline import ablation, paper_ablation_text, paper_quadratic_text, paper_structure, store
-from pipeline import paper_structure_text as text
-from pipeline.build import parameter_vector
-from pipeline.config import load
-from pipeline.paper_observability import (
+from pipeline import paper_structure
+from pipeline.campaign import store
+from pipeline.campaign.driver import simulate_campaign
+from pipeline.config.load import load
+from pipeline.config.setup import Setup
+from pipeline.paper import ablation
+from pipeline.paper import ablation_text as paper_ablation_text
+from pipeline.paper import quadratic_text as paper_quadratic_text
+from pipeline.paper import structure_text as text
+from pipeline.paper.structure import (
     SEARCHED,
     Count,
     readings_of,
     structure_of,
     table_1,
 )
-from pipeline.paper_tables import TABLE_2_RANKS
-from pipeline.simulate import simulate_campaign
+from pipeline.paper.tables import TABLE_2_RANKS
 
 PATH = ("schedule.position_duration_s=60", "truth=paper", "campaign.runs=40")
 
@@ -96,7 +100,7 @@ def test_sequences_are_written_with_repetitions():
 
 def test_bound_of_quadratic_terms_is_out_of_reach_in_si():
     config = load([])
-    bound, readings = parameter_vector(config.bounds), readings_of(config)
+    bound, readings = Setup(config).bound, readings_of(config)
     verdicts = {
         key: paper_quadratic_text.bound_verdict(course, bound)[1]
         for key, course in readings.items()

@@ -14,9 +14,11 @@ from scipy import stats
 from inscal import regression
 from inscal.parameters import COUNT, NAMES
 from inscal.regression import LOOKS, Sample
-from pipeline import baseline, history, regress, regress_power
-from pipeline.build import build_experiment, parameter_vector, si_units
-from pipeline.config import DataError, load
+from pipeline import regress, regress_power
+from pipeline.config.load import load
+from pipeline.config.setup import Setup
+from pipeline.console.errors import DataError
+from pipeline.gate import baseline, history
 
 COMMITTED = Path(__file__).resolve().parent.parent / "results" / "baseline"
 
@@ -29,7 +31,7 @@ def clean():
 
 @pytest.fixture(scope="module")
 def bound(reference):
-    return parameter_vector(reference.bounds) * si_units(reference)
+    return Setup(reference).bound * Setup(reference).unit
 
 
 def some_covariance():
@@ -208,7 +210,7 @@ def test_a_change_of_the_errors_alone_is_not_identical(clean, bound):
     ids=str,
 )
 def test_harmless_changes_are_no_worse(clean, bound, overrides):
-    new = baseline.sample_of(build_experiment(load(overrides)))
+    new = baseline.sample_of(Setup(load(overrides)).experiment)
     judgement = regression.judge(clean, new, bound)
     assert judgement.verdict == "changed, no worse"
     assert judgement.same_data == overrides[0].startswith("estimator")
@@ -216,7 +218,7 @@ def test_harmless_changes_are_no_worse(clean, bound, overrides):
 
 def test_a_gain_on_the_same_data_is_no_loss(clean, bound):
     # the baseline of a defect, and the campaign that mends it
-    poor = baseline.sample_of(build_experiment(load(["estimator=one_pass"])))
+    poor = baseline.sample_of(Setup(load(["estimator=one_pass"])).experiment)
     mended = regression.judge(poor, clean, bound)
     assert mended.same_data
     assert mended.verdict == "changed, no worse"

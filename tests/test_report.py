@@ -9,12 +9,16 @@ import xarray as xr
 
 from inscal.parameters import COUNT, NAMES, UNITS, paper_bounds
 from inscal.summary import compare, summarize
-from pipeline import figure_style, figures, findings, plots, report
-from pipeline.config import DataError, load, resolved
-from pipeline.findings import MAIN, ONE_PASS, PAPER_TRUTH, Results
-from pipeline.output import json_data
-from pipeline.plots import Campaign
-from pipeline.summarize import as_json
+from pipeline import figures, report
+from pipeline.campaign.judged import as_json
+from pipeline.charts import campaigns as plots
+from pipeline.charts import style as figure_style
+from pipeline.charts.campaigns import Campaign
+from pipeline.config.load import load, resolved
+from pipeline.console.errors import DataError
+from pipeline.console.output import json_data
+from pipeline.study import findings
+from pipeline.study.findings import MAIN, ONE_PASS, PAPER_TRUTH, Results
 
 BOUND = xr.DataArray(paper_bounds(), {"parameter": list(NAMES)})
 SIGMA = paper_bounds() / 5.0

@@ -12,11 +12,14 @@ import pytest
 from campaigns import SHORT, error_lines, make, run_stage, short
 
 from inscal.parameters import INDEX, NAMES, UNITS
-from pipeline import compare, output, predict, store, summarize
-from pipeline.build import build_experiment, parameter_vector, si_units
-from pipeline.checks import KIND_KEYS
-from pipeline.config import DataError, load
-from pipeline.worker import attempt
+from pipeline import compare, predict, summarize
+from pipeline.campaign import store
+from pipeline.campaign.worker import attempt
+from pipeline.config.load import load
+from pipeline.config.schema import KIND_KEYS
+from pipeline.config.setup import Setup
+from pipeline.console import output
+from pipeline.console.errors import DataError
 
 REFERENCE = {
     "gyro_bias": [3.55e-4, 3.73e-4, 4.23e-4],
@@ -165,7 +168,7 @@ def test_summary_agrees_with_the_store(campaigns):
     content = json.loads(Path("results/summary/two_pass.json").read_text())
     dataset = store.read(campaigns / "two_pass")
     error, sigma = dataset.error.values, dataset.predicted_std.values
-    bound = parameter_vector(load([]).bounds)
+    bound = Setup(load([])).bound
     expected = {
         "bias": error.mean(0),
         "std": error.std(0, ddof=1),
@@ -221,14 +224,14 @@ def test_summarize_counts_failed_runs(campaigns):
 def test_summarize_an_unfinished_campaign_says_so(tmp_path):
     config = short(tmp_path / "campaign")
     opened = store.open_store(
-        config, build_experiment(config).estimator.predicted_std / si_units(config)
+        config, Setup(config).experiment.estimator.predicted_std / Setup(config).unit
     )
     empty = run_stage(summarize, f"campaign.store={tmp_path / 'campaign'}")
     assert empty.code == 2
     assert empty.err.startswith(f"error: campaign store {tmp_path / 'campaign'}: no run")
     assert empty.err.count("\n") == 1
     runs = list(range(12))
-    store.write(opened, config, [(runs, attempt(build_experiment(config), runs))])
+    store.write(opened, config, [(runs, attempt(Setup(config).experiment, runs))])
     ended = run_stage(summarize, f"campaign.store={tmp_path / 'campaign'}")
     assert ended.code == 0
     assert ended.err == f"note: {tmp_path / 'campaign'}: 18 of 30 runs are not made\n"
@@ -309,7 +312,7 @@ def test_compare_pairs_the_runs_done_in_both(campaigns, tmp_path):
     config = short(tmp_path / "part", "estimator=one_pass")
     opened = store.open_store(config, np.ones(27))
     runs = list(range(5, 20))
-    store.write(opened, config, [(runs, attempt(build_experiment(config), runs))])
+    store.write(opened, config, [(runs, attempt(Setup(config).experiment, runs))])
     result = compare.comparison_of(tmp_path / "part", campaigns / "two_pass")
     assert result.runs_paired == 15
     a, b = (store.read(campaigns / name).error[5:20] for name in ("one_pass", "two_pass"))

@@ -14,10 +14,11 @@ from campaigns import SHORT, assert_same_store, files, make, short
 from inscal import kernel
 from inscal.experiment import Outcome
 from inscal.parameters import COUNT, NAMES, UNITS
-from pipeline import store
-from pipeline.build import si_units
-from pipeline.checks import KIND_KEYS
-from pipeline.config import DataError, load, resolved
+from pipeline.campaign import store
+from pipeline.config.load import load, resolved
+from pipeline.config.schema import KIND_KEYS
+from pipeline.config.setup import Setup
+from pipeline.console.errors import DataError
 
 STD = np.linspace(0.1, 0.2, COUNT)
 
@@ -156,8 +157,8 @@ def test_values_are_written_in_paper_units(path):
     config = short(path)
     store.write(store.open_store(config, STD), config, [batch(range(30))])
     dataset, expected = store.read(path), outcome(range(30))
-    np.testing.assert_array_equal(dataset.truth, expected.truth / si_units(config))
-    np.testing.assert_array_equal(dataset.estimate, expected.estimate / si_units(config))
+    np.testing.assert_array_equal(dataset.truth, expected.truth / Setup(config).unit)
+    np.testing.assert_array_equal(dataset.estimate, expected.estimate / Setup(config).unit)
     np.testing.assert_array_equal(dataset.error, dataset.estimate - dataset.truth)
     np.testing.assert_array_equal(dataset.nees, expected.nees)
 

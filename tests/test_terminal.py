@@ -16,9 +16,11 @@ import pytest
 from campaigns import SHORT, make, run_stage
 
 from inscal.parameters import NAMES, UNITS
-from pipeline import compare, help, observe, predict, progress, summarize
-from pipeline.build import build_experiment
-from pipeline.config import Config, load
+from pipeline import compare, observe, predict, summarize
+from pipeline.config.load import load
+from pipeline.config.schema import Config
+from pipeline.config.setup import Setup
+from pipeline.console import help, progress
 
 ROOT = Path(__file__).resolve().parent.parent
 STAGES = sorted(
@@ -67,7 +69,7 @@ def test_help_is_printed_before_the_heavy_libraries_are_imported(name):
     assert time.monotonic() - start < 1.5
     assert (result.returncode, result.stdout) == (0, f"{stage_help(name)}\n")
     imported = {line.rpartition("|")[2].strip() for line in result.stderr.splitlines()}
-    assert "pipeline.help" in imported
+    assert "pipeline.console.help" in imported
     assert not imported & {"numpy", "scipy", "numba", "dask", "distributed", "hydra"}
 
 
@@ -230,5 +232,5 @@ def test_compilation_is_announced_to_a_terminal(tmp_path, monkeypatch):
         stream = Terminal() if terminal else io.StringIO()
         monkeypatch.setattr(sys, "stderr", stream)
         monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path if there else tmp_path / "x"))
-        build_experiment(replace(config))
+        Setup(replace(config)).experiment
         assert stream.getvalue().count("compiling the kernels, once") == said

@@ -1,0 +1,165 @@
+"""Where batches run: a dask client of the kind the configuration names."""
+
+import asyncio
+import logging
+import shutil
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, nullcontext
+
+import dask
+from dask.utils import parse_timedelta
+from distributed import Client, LocalCluster, Security
+from distributed.core import rpc
+
+from pipeline.campaign.worker import say_nothing_of_cancelled_batches
+from pipeline.config.schema import Cluster
+from pipeline.console import interrupts
+from pipeline.console.errors import DataError
+from pipeline.console.output import complain
+
+_SETTINGS = {
+    # nobody looks at its samples, and every one of them stops all threads
+    "distributed.worker.profile.enabled": False,
+    # nor at how soon its loops come round, which they try fifty times a second
+    "distributed.admin.tick.interval": "1s",
+    "distributed.comm.timeouts.connect": "10s",
+    # the experiment, some 60 MB, is the argument of a task
+    "distributed.admin.large-graph-warning-threshold": "1 GB",
+}
+_WORKER_TIMEOUT_S = 30
+# a scheduler serves HTTP even so; without an address on port 8787, and warns where that is taken
+_NO_DASHBOARD = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
+
+
+def check(cluster: Cluster) -> None:
+    """See before a campaign whether SLURM can be had.
+
+    Where nothing can be submitted, the job script that would be is printed on standard output.
+
+    Parameters
+    ----------
+    cluster : Cluster
+
+    Raises
+    ------
+    DataError
+        If dask-jobqueue or sbatch is missing.
+    """
+    if cluster.kind == "slurm" and shutil.which("sbatch") is None:
+        with slurm(cluster) as jobs:
+            print(jobs.job_script().strip())
+        raise DataError(
+            "cluster = slurm: no sbatch on this machine; "
+            "the job script it would submit is on standard output"
+        )
+
+
+@contextmanager
+def client(cluster: Cluster) -> Iterator[Client]:
+    """Connect to, or start, the workers.
+
+    Parameters
+    ----------
+    cluster : Cluster
+
+    Yields
+    ------
+    distributed.Client
+        With at least one worker.
+
+    Raises
+    ------
+    DataError
+        If a scheduler does not answer or has no workers, or dask-jobqueue is missing.
+    """
+    with dask.config.set(_SETTINGS), ExitStack() as stack:
+        try:
+            if cluster.kind == "scheduler":
+                connected = stack.enter_context(_connect(cluster))
+            else:
+                with interrupts.held():
+                    connected = stack.enter_context(Client(stack.enter_context(_start(cluster))))
+            if cluster.kind == "processes":
+                connected.run(say_nothing_of_cancelled_batches)
+            if cluster.kind == "slurm":
+                complain(["waiting for SLURM to start a job"])
+                connected.wait_for_workers(1)
+            yield connected
+        except (KeyboardInterrupt, SystemExit):
+            # what the batches that are given up have to say of it
+            logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
+            raise
+        finally:
+            with interrupts.held():
+                stack.close()
+
+
+def _connect(cluster: Cluster) -> Client:
+    address = cluster.address
+    where = f"cluster.address = {address}"
+    try:
+        # asked first, for a client waits for ever where something else takes its connection
+        answer = asyncio.run(asyncio.wait_for(_identity(address), _answer_timeout()))
+    except (OSError, ValueError):
+        raise DataError(f"{where}: no scheduler answers") from None
+    except TypeError:  # what distributed says of TLS without certificates
+        raise DataError(f"{where}: tls needs certificates in dask's own configuration") from None
+    if answer.get("type") != "Scheduler":
+        raise DataError(f"{where}: no scheduler answers") from None
+    connected = Client(address)
+    try:
+        connected.wait_for_workers(1, timeout=_WORKER_TIMEOUT_S)
+    except TimeoutError:
+        connected.close()
+        raise DataError(f"{where}: the scheduler has no workers") from None
+    return connected
+
+
+def _answer_timeout() -> float:
+    return parse_timedelta(dask.config.get("distributed.comm.timeouts.connect"))
+
+
+async def _identity(address: str | None) -> dict:
+    tls = Security().get_connection_args("client")
+    async with rpc(address, connection_args=tls) as remote:
+        return await remote.identity()
+
+
+def _start(cluster: Cluster):
+    if cluster.kind == "slurm":
+        jobs = slurm(cluster)
+        jobs.scale(jobs=cluster.workers)
+        return jobs
+    processes = cluster.kind == "processes"
+    with interrupts.kept_from_children() if processes else nullcontext():
+        return LocalCluster(
+            processes=processes,
+            n_workers=cluster.workers if processes else 1,
+            threads_per_worker=1 if processes else cluster.workers,
+            dashboard_address=None,
+            scheduler_kwargs=_NO_DASHBOARD,
+            host="127.0.0.1" if processes else None,
+        )
+
+
+def slurm(cluster: Cluster):
+    """SLURM jobs of one worker each, none submitted yet.
+
+    Raises
+    ------
+    DataError
+        If dask-jobqueue is not installed.
+    """
+    try:
+        from dask_jobqueue.slurm import SLURMCluster
+    except ImportError:
+        raise DataError("cluster = slurm: needs dask-jobqueue, pip install -e '.[slurm]'") from None
+    return SLURMCluster(
+        queue=cluster.queue,
+        account=cluster.account,
+        cores=cluster.cores,
+        processes=1,
+        memory=cluster.memory,
+        walltime=cluster.walltime,
+        scheduler_options=_NO_DASHBOARD,
+    )

@@ -1,0 +1,82 @@
+"""One run of a campaign again, with its course over time."""
+
+import json
+
+import numpy as np
+import xarray as xr
+
+from inscal.experiment import run_with_history
+from inscal.parameters import NAMES, UNITS
+from pipeline.config.load import resolved
+from pipeline.config.schema import Config
+from pipeline.config.setup import Setup
+
+
+def history_dataset(config: Config) -> xr.Dataset:
+    """Course of run `only_run`: estimates, errors, predicted sigma and innovations at every update.
+
+    Parameters
+    ----------
+    config : Config
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions calibration_pass, time, parameter and observation; parameters in paper units.
+    """
+    experiment = Setup(config).experiment
+    number = config.only_run
+    assert number is not None
+    outcome, history = run_with_history(experiment, number)
+    unit = Setup(config).unit
+    passes = range(experiment.estimator.passes)
+    truth, estimate = outcome.truth[0] / unit, history.estimate[..., 0] / unit
+    course = ("calibration_pass", "time", "parameter")
+    observed = ("calibration_pass", "time", "observation")
+    per_parameter = {"units": "see coordinate unit"}
+    per_observation = {"units": "see coordinate observation_unit"}
+    interval = config.estimator.update_interval_s
+    gains = [experiment.estimator.gains(p) for p in passes]
+    return xr.Dataset(
+        {
+            "truth": ("parameter", truth, per_parameter),
+            "final_estimate": ("parameter", outcome.estimate[0] / unit, per_parameter),
+            "final_error": ("parameter", outcome.estimate[0] / unit - truth, per_parameter),
+            "estimate": (course, estimate, per_parameter),
+            "error": (course, estimate - truth, per_parameter),
+            "predicted_std": (
+                course,
+                np.array([g.parameter_std for g in gains]) / unit,
+                per_parameter,
+            ),
+            "innovation": (observed, history.innovation[..., 0], per_observation),
+            "innovation_std": (
+                observed,
+                np.sqrt(np.array([g.innovation_covariance for g in gains]).diagonal(0, 2, 3)),
+                per_observation,
+            ),
+            "nees": ((), outcome.nees[0], {"units": "1"}),
+        },
+        coords={
+            "calibration_pass": np.arange(1, len(passes) + 1),
+            "time": (
+                "time",
+                interval * np.arange(1, experiment.motion.updates + 1),
+                {"units": "s"},
+            ),
+            "parameter": np.array(NAMES, dtype=object),
+            "unit": ("parameter", np.array(UNITS, dtype=object)),
+            "observation": np.array(
+                [f"velocity_{d}" for d in ("north", "east", "down")]
+                + [f"position_{d}" for d in ("north", "east", "height")],
+                dtype=object,
+            ),
+            "observation_unit": ("observation", np.array(["m/s"] * 3 + ["m"] * 3, dtype=object)),
+        },
+        attrs={
+            "run": number,
+            "seed": config.campaign.seed,
+            "positions": Setup(config).schedule.positions,
+            "configuration": json.dumps(resolved(config)),
+        },
+    )

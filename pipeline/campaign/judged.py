@@ -1,0 +1,114 @@
+"""A campaign judged against its bounds, and two campaigns against each other."""
+
+from pathlib import Path
+
+import xarray as xr
+
+from inscal.parameters import NAMES
+from inscal.summary import compare, summarize
+from pipeline.campaign import store
+from pipeline.config.schema import Config
+from pipeline.config.setup import Setup
+from pipeline.console.errors import DataError
+from pipeline.console.output import complain, json_text
+from pipeline.gate.baseline import differences
+
+_FOLDER = Path("results/summary")
+
+
+def summary_of(config: Config, path: str | Path) -> xr.Dataset:
+    """Summary of a campaign store.
+
+    Parameters
+    ----------
+    config : Config
+        Gives the bounds.
+    path : str or Path
+        Campaign store.
+
+    Returns
+    -------
+    xarray.Dataset
+        Of `inscal.summary.summarize`.
+
+    Raises
+    ------
+    DataError
+        If there is no store, or no run in it is done.
+    """
+    campaign = store.read(path)
+    bound = xr.DataArray(Setup(config).bound, dims="parameter", coords={"parameter": list(NAMES)})
+    try:
+        summary = summarize(campaign, bound)
+    except ValueError as error:
+        raise DataError(f"campaign store {path}: {error}") from None
+    missing = campaign.sizes["run"] - int(summary.runs_done) - int(summary.runs_failed)
+    if missing:
+        complain([f"note: {path}: {missing} of {campaign.sizes['run']} runs are not made"])
+    configuration = campaign.attrs["configuration"]
+    return summary.assign_attrs(
+        campaign=Path(path).name,
+        seed=campaign.attrs["seed"],
+        passes=configuration["estimator"]["passes"],
+        truth=configuration["truth"]["distribution"],
+        schedule=configuration["schedule"]["name"],
+        noise=configuration["noise"],
+        quadratic_unit=configuration["sensor"]["quadratic_unit"],
+        failed_runs=[int(r) for r in campaign.run[campaign.status == store.FAILED]],
+    )
+
+
+def as_json(dataset: xr.Dataset) -> str:
+    """JSON text of a dataset on parameter: attributes, scalars, then one object per parameter.
+
+    `pipeline.console.output.json_data` reads it back; NaN is null in between.
+    """
+    scalars = {name: v.item() for name, v in dataset.data_vars.items() if v.ndim == 0}
+    table = {
+        str(name): {
+            key: v.sel(parameter=name).item() for key, v in dataset.data_vars.items() if v.ndim
+        }
+        | {"unit": str(dataset.unit.sel(parameter=name).values)}
+        for name in dataset.parameter.values
+    }
+    return json_text(dataset.attrs | scalars | {"parameters": table})
+
+
+_RESAMPLES = 4000
+
+
+def comparison_of(a: str | Path, b: str | Path) -> xr.Dataset:
+    """Paired comparison of two campaign stores.
+
+    Parameters
+    ----------
+    a, b : str or Path
+
+    Returns
+    -------
+    xarray.Dataset
+        Of `inscal.summary.compare`.
+
+    Raises
+    ------
+    DataError
+        If a store is missing, or the two cannot be paired.
+    """
+    left, right = store.read(a), store.read(b)
+    if left.attrs["seed"] != right.attrs["seed"]:
+        seeds = left.attrs["seed"], right.attrs["seed"]
+        raise DataError(f"a = {a}, b = {b}: seeds {seeds} differ, so their runs are no pairs")
+    units = [campaign.attrs["configuration"]["sensor"] for campaign in (left, right)]
+    if differing := differences(units[0], units[1], "sensor."):
+        raise DataError(f"a = {a}, b = {b}: errors in other units: {', '.join(differing)}")
+    try:
+        result = compare(left, right, resamples=_RESAMPLES, seed=left.attrs["seed"])
+    except ValueError as error:
+        raise DataError(f"a = {a}, b = {b}: {error}") from None
+    duration = [_duration(campaign) for campaign in (left, right)]
+    return result.assign_attrs(a=Path(a).name, b=Path(b).name, duration_s=duration)
+
+
+def _duration(campaign: xr.Dataset) -> float:
+    schedule = campaign.attrs["configuration"]["schedule"]
+    return (len(schedule["rotations"]) + 1) * schedule["position_duration_s"]

@@ -1,0 +1,242 @@
+"""Campaign stores: one zarr group per campaign, written by one process, resumable at any moment.
+
+The driver is the only writer. It writes values first and ``status`` last, and every chunk file is
+replaced as a whole, so whatever instant a campaign is killed at, a run counts as done only if its
+numbers are on disk. A resumed campaign repeats what is not marked; since a run depends on nothing
+but the configuration and its number, the finished store is the same to the last bit.
+
+Chunks are a property of the number of runs alone, few enough to keep a store small in files.
+"""
+
+import hashlib
+import json
+import shutil
+from importlib.metadata import version
+from pathlib import Path
+
+import dask.array
+import numpy as np
+import xarray as xr
+import zarr
+
+from inscal.experiment import Outcome
+from inscal.kernel import source_digest
+from inscal.parameters import COUNT, NAMES, UNITS
+from inscal.statistics import rmse_half_width_relative
+from pipeline.config.load import resolved
+from pipeline.config.schema import Config
+from pipeline.config.setup import Setup
+from pipeline.console.errors import DataError
+
+NOT_RUN, DONE, FAILED = 0, 1, 2
+"""Values of ``status``."""
+
+_CHUNKS = 12
+_PER_RUN = ("truth", "estimate", "error", "nees", "status")
+_SOFTWARE = ("inscal", "numpy", "scipy", "numba", "xarray", "zarr", "dask")
+# what a store's numbers do not depend on
+_IRRELEVANT = (
+    *("cluster", "bounds", "effects", "laboratory"),
+    *("only_run", "out", "a", "b", "campaigns", "accept"),
+)
+_IRRELEVANT_CAMPAIGN = ("batch", "store", "replace", "precision")
+
+
+def fingerprint(config: Config) -> str:
+    """Digest of all that decides a store's numbers: configuration and source of the library.
+
+    Parameters
+    ----------
+    config : Config
+
+    Returns
+    -------
+    str
+        Hexadecimal SHA-256.
+    """
+    settings = {k: v for k, v in resolved(config).items() if k not in _IRRELEVANT}
+    settings["campaign"] = {
+        k: v for k, v in settings["campaign"].items() if k not in _IRRELEVANT_CAMPAIGN
+    }
+    text = json.dumps(settings, sort_keys=True) + source_digest()
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def open_store(config: Config, predicted_std: np.ndarray) -> zarr.Group:
+    """Open the campaign's store for writing, or make it.
+
+    Parameters
+    ----------
+    config : Config
+    predicted_std : ndarray, shape (27,)
+        In paper units.
+
+    Returns
+    -------
+    zarr.Group
+
+    Raises
+    ------
+    DataError
+        If something else is in the way: other files, or a store of another configuration, unless
+        `campaign.replace` allows to delete the latter; or if it cannot be written.
+    """
+    path = Path(config.campaign.store)
+    if path.exists():
+        found = _attributes(path)
+        if found.get("fingerprint") == fingerprint(config):
+            for leftover in path.rglob("*.partial"):  # of a write that was killed
+                leftover.unlink()
+            return zarr.open_group(path, mode="r+")
+        if not config.campaign.replace:
+            raise DataError(
+                f"campaign.store = {path}: holds a campaign of another configuration or version; "
+                "choose another path, delete it, or allow it with campaign.replace=true"
+            )
+    # hidden, for a campaign of the user's may be called anything; whole folders change names, so
+    # a kill in between leaves either store or none, and no half of one
+    unfinished, replaced = (path.with_name(f".{path.name}.{end}") for end in ("new", "old"))
+    try:
+        shutil.rmtree(replaced, ignore_errors=True)
+        _template(config, predicted_std, unfinished)
+        if path.exists():
+            path.rename(replaced)
+        unfinished.rename(path)
+        shutil.rmtree(replaced, ignore_errors=True)
+    except OSError as error:
+        raise DataError(f"campaign.store = {path}: cannot be written ({error.strerror})") from None
+    return zarr.open_group(path, mode="r+")
+
+
+def _attributes(path: Path) -> dict:
+    """Attributes of a store; DataError if `path` is none of ours."""
+    try:
+        attributes = json.loads((path / "zarr.json").read_text())["attributes"]
+    except (OSError, ValueError, KeyError, TypeError):
+        attributes = {}
+    if "fingerprint" not in attributes:
+        raise DataError(f"campaign.store = {path}: exists and is not a campaign store")
+    return attributes
+
+
+def _template(config: Config, predicted_std: np.ndarray, path: Path) -> None:
+    """Write a store without any runs, in place of an unfinished one."""
+    runs = config.campaign.runs
+    chunk = -(-runs // _CHUNKS)
+
+    def lazy(dims, shape, fill, attrs):
+        chunks = (chunk, *shape[1:])
+        return dims, dask.array.full(shape, fill, chunks=chunks, dtype=type(fill)), attrs
+
+    per_parameter = {"units": "see coordinate unit"}
+    both, table = ("run", "parameter"), (runs, COUNT)
+    dataset = xr.Dataset(
+        {
+            "truth": lazy(both, table, np.nan, {"long_name": "true parameter", **per_parameter}),
+            "estimate": lazy(both, table, np.nan, {"long_name": "estimate", **per_parameter}),
+            "error": lazy(
+                both, table, np.nan, {"long_name": "estimate minus truth", **per_parameter}
+            ),
+            "nees": lazy(
+                ("run",),
+                (runs,),
+                np.nan,
+                {"long_name": "normalised estimation error squared", "units": "1"},
+            ),
+            "status": lazy(
+                ("run",),
+                (runs,),
+                np.int8(NOT_RUN),
+                {"flag_values": [0, 1, 2], "flag_meanings": "not_run done failed"},
+            ),
+            "predicted_std": (
+                "parameter",
+                predicted_std,
+                {"long_name": "predicted standard deviation of the estimate", **per_parameter},
+            ),
+        },
+        coords={
+            "run": np.arange(runs),
+            "parameter": np.array(NAMES, dtype=object),
+            "unit": ("parameter", np.array(UNITS, dtype=object)),
+        },
+        attrs={
+            "title": f"inscal campaign {Path(config.campaign.store).name}",
+            "fingerprint": fingerprint(config),
+            "seed": config.campaign.seed,
+            "configuration": resolved(config),
+            "software": {name: version(name) for name in _SOFTWARE},
+        },
+    )
+    dataset["run"].encoding["chunks"] = (runs,)
+    dataset.to_zarr(path, mode="w", compute=False, consolidated=False, zarr_format=3)
+
+
+def pending(store: zarr.Group) -> np.ndarray:
+    """Numbers of the runs still to be made, ascending."""
+    return np.flatnonzero(_array(store, "status")[:] == NOT_RUN)
+
+
+def precision(store: zarr.Group, runs: int) -> float:
+    """Relative half-width of the 95 % interval of the least known RMSE, over the first `runs`."""
+    done = np.asarray(_array(store, "status")[:runs]) == DONE
+    if done.sum() < 2:
+        return np.inf
+    return float(rmse_half_width_relative(np.asarray(_array(store, "error")[:runs])[done]).max())
+
+
+def write(store: zarr.Group, config: Config, results: list[tuple[list[int], Outcome]]) -> None:
+    """Write finished runs, neighbours together.
+
+    Parameters
+    ----------
+    store : zarr.Group
+    config : Config
+    results : list of (run numbers, outcome)
+        Each of consecutive runs.
+    """
+    unit = Setup(config).unit
+    results = sorted(results, key=lambda result: result[0][0])
+    while results:
+        count = 1
+        while count < len(results) and results[count][0][0] == results[count - 1][0][-1] + 1:
+            count += 1
+        joined, results = results[:count], results[count:]
+        part = slice(joined[0][0][0], joined[-1][0][-1] + 1)
+        truth = np.concatenate([outcome.truth for _, outcome in joined]) / unit
+        estimate = np.concatenate([outcome.estimate for _, outcome in joined]) / unit
+        failed = np.concatenate([outcome.failed for _, outcome in joined])
+        _array(store, "truth")[part] = truth
+        _array(store, "estimate")[part] = estimate
+        _array(store, "error")[part] = estimate - truth
+        _array(store, "nees")[part] = np.concatenate([outcome.nees for _, outcome in joined])
+        _array(store, "status")[part] = np.where(failed, FAILED, DONE).astype(np.int8)
+
+
+def _array(store: zarr.Group, name: str) -> zarr.Array:
+    array = store[name]
+    assert isinstance(array, zarr.Array)
+    return array
+
+
+def read(path: str | Path) -> xr.Dataset:
+    """Open a campaign store for reading.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Returns
+    -------
+    xarray.Dataset
+        Loaded into memory.
+
+    Raises
+    ------
+    DataError
+        If there is no campaign store.
+    """
+    if not Path(path).exists():
+        raise DataError(f"campaign store {path}: not found; make it with pipeline.simulate")
+    _attributes(Path(path))
+    return xr.load_dataset(path, engine="zarr", consolidated=False, chunks=None)

@@ -1,0 +1,258 @@
+"""What the values of a configuration may be: rules that types alone cannot give.
+
+Whatever is refused, the line names the key, its value and what is allowed.
+"""
+
+import math
+import re
+import sys
+from collections.abc import Callable, Mapping
+from operator import attrgetter
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NoReturn
+
+from inscal.directions import DIRECTIONS
+from inscal.parameters import GROUPS, KIND_OF
+from pipeline.config.schema import KIND_KEYS, Config
+from pipeline.console.errors import ConfigError
+
+Rule = tuple[Callable[[Any], bool], str]
+
+_MAX_ANGLE_STEP_DEG = 14.0  # inside inscal.rotation.MAX_STEP_ANGLE, where its series are exact
+_RATIO_TOLERANCE = 1e-9  # rounding of decimal seconds, as in 20.7 / 0.1
+
+_CLUSTER_KEYS: dict[str, tuple[str, ...]] = {
+    "threads": ("workers",),
+    "processes": ("workers",),
+    "scheduler": ("address",),
+    "slurm": ("workers", "queue", "cores", "memory", "walltime"),
+}
+"""Keys each kind of cluster needs."""
+
+_CLUSTER_EXTRAS: dict[str, tuple[str, ...]] = {"slurm": ("account",)}
+"""Keys a kind of cluster takes but can do without."""
+
+
+def check(config: Config, further: Mapping[str, Rule] = MappingProxyType({})) -> None:
+    """Check every value of a configuration whose types are already right.
+
+    Parameters
+    ----------
+    config : Config
+    further : mapping of str to Rule
+        Of the keys that a subclass of `Config` adds.
+
+    Raises
+    ------
+    ConfigError
+        At the first value that is not allowed.
+    """
+    for key, rule in {**_RULES, **further}.items():
+        _apply(key, attrgetter(key)(config), rule)
+    for key, rule in _OPTIONAL_RULES.items():
+        value = attrgetter(key)(config)
+        if value is not None:
+            _apply(key, value, rule)
+    _check_kinds("truth", config.truth, FINITE if config.truth.distribution == "fixed" else FROM_0)
+    _check_kinds("estimator.initial_std", config.estimator.initial_std, POSITIVE)
+    _check_kinds("bounds", config.bounds, POSITIVE)
+    _check_schedule(config)
+    _check_states(config.estimator.states)
+    _check_cluster(config)
+    if config.only_run is not None and config.only_run >= config.campaign.runs:
+        _fail(
+            "only_run", config.only_run, f"less than campaign.runs, which is {config.campaign.runs}"
+        )
+
+
+def _fail(key: str, value: object, allowed: str) -> NoReturn:
+    shown = "null" if value is None else repr(value)
+    raise ConfigError(f"{key} = {shown}: must be {allowed}")
+
+
+def _apply(key: str, value: object, rule: Rule) -> None:
+    accepts, allowed = rule
+    if not accepts(value):
+        _fail(key, value, allowed)
+
+
+def _is_number(value: object) -> bool:
+    # The comparison is false for NaN, infinities and integers too large for a float.
+    is_real = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_real and abs(value) <= sys.float_info.max  # type: ignore[arg-type]
+
+
+def _is_count(value: float) -> bool:
+    whole = _is_number(value) and round(value)
+    return whole >= 1 and math.isclose(value, whole, rel_tol=_RATIO_TOLERANCE)
+
+
+def _is_triple_of_positive(value: object) -> bool:
+    return isinstance(value, list) and len(value) == 3 and all(POSITIVE[0](v) for v in value)
+
+
+def _is_address(value: str) -> bool:
+    match = re.fullmatch(r"(?:tcp|tls)://(?:[\w.-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})", value)
+    return match is not None and 1 <= int(match[1]) <= 65535
+
+
+def one_of(*names: str) -> Rule:
+    """Rule that takes one of some words."""
+    return (lambda value: value in names), f"one of {', '.join(names)}"
+
+
+def _matching(pattern: str, allowed: str) -> Rule:
+    return (lambda value: re.fullmatch(pattern, value) is not None), allowed
+
+
+FINITE: Rule = (_is_number, "a finite number")
+FROM_0: Rule = (lambda v: _is_number(v) and v >= 0, "a finite number >= 0")
+POSITIVE: Rule = (lambda v: _is_number(v) and v > 0, "a finite number > 0")
+PASSES: Rule = (lambda v: 1 <= v <= 10, "an integer from 1 to 10")
+COUNT: Rule = (lambda v: v >= 1, "an integer >= 1")
+INDEX: Rule = (lambda v: v >= 0, "an integer >= 0")
+STORE: Rule = (lambda v: v.strip() != "", "a path, not empty")
+STORES: Rule = (
+    lambda v: len(set(v)) == len(v) > 0 and all(map(STORE[0], v)),
+    "a list of one or more paths, each once",
+)
+FILE: Rule = (lambda v: v.strip() != "" and not Path(v).is_dir(), "the path of a file")
+REASON: Rule = (lambda v: v.strip() != "", "the reason in words, not empty")
+NAME: Rule = _matching(
+    r"[A-Za-z0-9][A-Za-z0-9._-]*", "letters, digits, '.', '_' and '-', first a letter or digit"
+)
+TRIPLE_OF_POSITIVE: Rule = (_is_triple_of_positive, "a list of 3 finite numbers > 0")
+
+
+def several(rule: Rule) -> Rule:
+    """Rule that takes a list whose every member another rule takes."""
+    accepts, allowed = rule
+    return (lambda v: len(v) > 0 and all(map(accepts, v))), f"a list, each of it {allowed}"
+
+
+_RULES: dict[str, Rule] = {
+    "truth.distribution": one_of("fixed", "normal", "uniform"),
+    "noise.name": NAME,
+    "noise.gyro_angle_random_walk_deg_per_sqrt_h": FROM_0,
+    "noise.accel_white_noise_ug_per_sqrt_hz": FROM_0,
+    "noise.velocity_observation_m_per_s": POSITIVE,
+    "noise.position_observation_m": POSITIVE,
+    "schedule.name": NAME,
+    "schedule.position_duration_s": POSITIVE,
+    "schedule.turn_rate_deg_per_s": POSITIVE,
+    # Beyond 89 deg the north reference of the laboratory degenerates.
+    "site.latitude_deg": (lambda v: abs(v) < 89.0, "a number between -89 and 89"),
+    "site.height_m": (lambda v: -500.0 <= v <= 10000.0, "a number from -500 to 10000"),
+    "simulation.dwell_step_s": POSITIVE,
+    "simulation.turn_step_s": POSITIVE,
+    "estimator.passes": PASSES,
+    "estimator.update_interval_s": POSITIVE,
+    "estimator.initial_std.attitude_deg": TRIPLE_OF_POSITIVE,
+    "estimator.initial_std.velocity_m_per_s": POSITIVE,
+    "estimator.initial_std.position_m": POSITIVE,
+    "sensor.quadratic_unit": one_of("pulse", "si"),
+    "sensor.accel_pulses_per_m_per_s": POSITIVE,
+    "campaign.runs": COUNT,
+    "campaign.seed": INDEX,
+    "campaign.batch": COUNT,
+    "campaign.store": STORE,
+    "cluster.kind": one_of(*_CLUSTER_KEYS),
+}
+
+_OPTIONAL_RULES: dict[str, Rule] = {
+    "cluster.workers": COUNT,
+    "cluster.address": (_is_address, "an address such as tcp://127.0.0.1:8786"),
+    "cluster.queue": NAME,
+    "cluster.cores": COUNT,
+    "cluster.memory": _matching(r"[1-9]\d*(\.\d+)? ?[kMGT]i?B", "an amount such as 8GB"),
+    "cluster.walltime": _matching(r"(\d+-)?\d{1,2}:\d\d:\d\d", "a time such as 02:00:00"),
+    "cluster.account": NAME,
+    "campaign.precision": (lambda v: 0.0 < v < 1.0, "a number between 0 and 1"),
+    "only_run": INDEX,
+    "out": FILE,
+    "a": STORE,
+    "b": STORE,
+    "campaigns": STORES,
+    "accept": REASON,
+}
+"""Rules of keys that may be null."""
+
+
+def _check_kinds(prefix: str, group: object, rule: Rule) -> None:
+    accepts, allowed = rule
+    for kind, key in KIND_KEYS.items():
+        value, count = getattr(group, key), KIND_OF.count(kind)
+        numbers = value if isinstance(value, list) else [value]
+        right_length = not isinstance(value, list) or len(value) == count
+        if not (right_length and all(accepts(number) for number in numbers)):
+            _fail(f"{prefix}.{key}", value, f"{allowed}, or a list of {count} such numbers")
+
+
+def _check_schedule(config: Config) -> None:
+    schedule = config.schedule
+    _check_posture(schedule.initial_posture)
+    if not schedule.rotations:
+        _fail("schedule.rotations", [], "at least one [angle_deg, axis]; this is an empty schedule")
+    for number, rotation in enumerate(schedule.rotations):
+        _check_rotation(f"schedule.rotations[{number}]", rotation, config)
+    angle_step = schedule.turn_rate_deg_per_s * config.simulation.turn_step_s
+    if angle_step > _MAX_ANGLE_STEP_DEG:
+        _fail(
+            "simulation.turn_step_s",
+            config.simulation.turn_step_s,
+            f"at most {_MAX_ANGLE_STEP_DEG / schedule.turn_rate_deg_per_s:g}, which is "
+            f"{_MAX_ANGLE_STEP_DEG:g} deg at schedule.turn_rate_deg_per_s",
+        )
+    updates = schedule.position_duration_s / config.estimator.update_interval_s
+    if not _is_count(updates):
+        _fail(
+            "schedule.position_duration_s",
+            schedule.position_duration_s,
+            "a multiple of estimator.update_interval_s, which is "
+            f"{config.estimator.update_interval_s!r}",
+        )
+
+
+def _check_posture(posture: list[str]) -> None:
+    key, allowed = "schedule.initial_posture", f"3 of {', '.join(DIRECTIONS)}"
+    if len(posture) != 3 or any(name not in list(DIRECTIONS) for name in posture):
+        _fail(key, posture, allowed)
+    (x1, x2, x3), (y1, y2, y3), z = (DIRECTIONS[name] for name in posture)
+    if (x2 * y3 - x3 * y2, x3 * y1 - x1 * y3, x1 * y2 - x2 * y1) != z:
+        _fail(key, posture, f"{allowed}, at right angles and right-handed (North, East, Down is)")
+
+
+def _check_rotation(key: str, rotation: object, config: Config) -> None:
+    if not isinstance(rotation, list) or len(rotation) != 2:
+        _fail(key, rotation, "[angle_deg, axis], such as [90, Y]")
+    angle, axis = rotation
+    if not _is_number(angle) or angle % 90.0 != 0.0 or not 0.0 < abs(angle) <= 360.0:
+        _fail(key, rotation, "[angle_deg, axis] with an angle of +-90, 180, 270 or 360")
+    if axis not in ("X", "Y", "Z"):
+        _fail(key, rotation, "[angle_deg, axis] with X, Y or Z for its axis")
+    duration = abs(angle) / config.schedule.turn_rate_deg_per_s
+    if duration >= config.schedule.position_duration_s:
+        _fail(
+            key,
+            rotation,
+            f"a turn shorter than schedule.position_duration_s, "
+            f"{config.schedule.position_duration_s:g}; it takes {duration:g} s",
+        )
+
+
+def _check_states(states: list[str]) -> None:
+    known = all(name in list(GROUPS) for name in states)
+    if not states or not known or len(set(states)) < len(states):
+        _fail("estimator.states", states, f"one or more of {', '.join(GROUPS)}, each once")
+
+
+def _check_cluster(config: Config) -> None:
+    cluster = config.cluster
+    needed = _CLUSTER_KEYS[cluster.kind]
+    taken = ("kind", *needed, *_CLUSTER_EXTRAS.get(cluster.kind, ()))
+    for key, value in vars(cluster).items():
+        if value is None and key in needed:
+            _fail(f"cluster.{key}", value, f"given with cluster.kind {cluster.kind}")
+        if value is not None and key not in taken:
+            _fail(f"cluster.{key}", value, f"null with cluster.kind {cluster.kind}")

@@ -1,0 +1,266 @@
+"""Schema of the configuration: its groups, their keys, and the type of every value.
+
+Every number a user would change is in ``conf/``, in the unit its key ends with.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from omegaconf import MISSING
+
+from inscal.parameters import KINDS
+
+KIND_KEYS: dict[str, str] = {
+    kind: f"{kind}_{about.unit.replace('/', '_per_').replace('-', '_')}"
+    for kind, about in KINDS.items()
+}
+"""Configuration key of each parameter kind: the kind and its paper unit."""
+
+
+@dataclass
+class KindValues:
+    """One entry per parameter kind, in its paper unit.
+
+    Attributes
+    ----------
+    gyro_bias_deg_per_h, accel_bias_ug, gyro_scale_factor_ppm, gyro_installation_arcsec, \
+accel_scale_factor_ppm, accel_installation_arcsec, accel_quadratic_1e_9, lever_arm_mm : \
+float or list of float
+        A number for all parameters of the kind, or one for each of them in state order.
+    """
+
+    # OmegaConf has no type for "number or list": the value checks see to it.
+    gyro_bias_deg_per_h: Any = MISSING
+    accel_bias_ug: Any = MISSING
+    gyro_scale_factor_ppm: Any = MISSING
+    gyro_installation_arcsec: Any = MISSING
+    accel_scale_factor_ppm: Any = MISSING
+    accel_installation_arcsec: Any = MISSING
+    accel_quadratic_1e_9: Any = MISSING
+    lever_arm_mm: Any = MISSING
+
+    def by_kind(self) -> dict[str, float | list[float]]:
+        """Values keyed by parameter kind, as `inscal.parameters.vector` takes them."""
+        return {kind: getattr(self, key) for kind, key in KIND_KEYS.items()}
+
+
+@dataclass
+class Truth(KindValues):
+    """Sensor errors of the simulated runs.
+
+    Attributes
+    ----------
+    distribution : str
+        ``fixed``: the values themselves; ``normal``: zero mean, the values as sigma; ``uniform``:
+        between minus and plus the values.
+    """
+
+    distribution: str = MISSING
+
+
+@dataclass
+class Noise:
+    """Noise of sensors and observations, simulated and assumed by the filter.
+
+    Attributes
+    ----------
+    name : str
+        Name of this choice, part of the store's path.
+    gyro_angle_random_walk_deg_per_sqrt_h, accel_white_noise_ug_per_sqrt_hz : float
+        White noise of the sensors; 0 is allowed.
+    velocity_observation_m_per_s, position_observation_m : float
+        Standard deviation of each observation.
+    """
+
+    name: str = MISSING
+    gyro_angle_random_walk_deg_per_sqrt_h: float = MISSING
+    accel_white_noise_ug_per_sqrt_hz: float = MISSING
+    velocity_observation_m_per_s: float = MISSING
+    position_observation_m: float = MISSING
+
+
+@dataclass
+class Schedule:
+    """Turntable schedule.
+
+    Attributes
+    ----------
+    name : str
+        Name of this choice, part of the store's path.
+    position_duration_s : float
+        Time of a position: its dwell and then its turn.
+    turn_rate_deg_per_s : float
+        Rate of the turns.
+    initial_posture : list of str
+        Where the body axes x, y, z point at first: North, South, East, West, Up or Down.
+    rotations : list of [float, str]
+        Angle in degrees and body axis (X, Y or Z) of each turn.
+    """
+
+    name: str = MISSING
+    position_duration_s: float = MISSING
+    turn_rate_deg_per_s: float = MISSING
+    initial_posture: list[str] = MISSING
+    rotations: list[Any] = MISSING
+
+
+@dataclass
+class Site:
+    """Where the turntable stands: geodetic latitude and height above the ellipsoid."""
+
+    latitude_deg: float = MISSING
+    height_m: float = MISSING
+
+
+@dataclass
+class Simulation:
+    """Sampling of the simulated sensors: longest increment at rest and during turns."""
+
+    dwell_step_s: float = MISSING
+    turn_step_s: float = MISSING
+
+
+@dataclass
+class InitialStd(KindValues):
+    """Standard deviations the filter starts from; those of attitude are North, East, Down."""
+
+    attitude_deg: list[float] = MISSING
+    velocity_m_per_s: float = MISSING
+    position_m: float = MISSING
+
+
+@dataclass
+class Estimator:
+    """The Kalman filter.
+
+    Attributes
+    ----------
+    passes : int
+        How often it goes over the same data.
+    update_interval_s : float
+        Time between observations.
+    states : list of str
+        Parameter groups it estimates, keys of `inscal.parameters.GROUPS`.
+    initial_std : InitialStd
+        Standard deviations it starts from.
+    """
+
+    passes: int = MISSING
+    update_interval_s: float = MISSING
+    states: list[str] = MISSING
+    initial_std: InitialStd = field(default_factory=InitialStd)
+
+
+@dataclass
+class Sensor:
+    """What one unit of quadratic coefficient is.
+
+    Attributes
+    ----------
+    quadratic_unit : str
+        ``pulse`` (on pulse rates) or ``si`` (face value).
+    accel_pulses_per_m_per_s : float
+        Accelerometer scale factor.
+    """
+
+    quadratic_unit: str = MISSING
+    accel_pulses_per_m_per_s: float = MISSING
+
+
+@dataclass
+class Campaign:
+    """A campaign of runs.
+
+    Attributes
+    ----------
+    runs : int
+        Number of simulated calibrations.
+    seed : int
+        Seed of all random draws.
+    batch : int
+        Most runs computed together.
+    store : str
+        Path of the run store.
+    replace : bool
+        Whether a store of another configuration in the way may be deleted.
+    precision : float or None
+        Relative half-width of all RMSE intervals at which to stop before `runs`.
+    """
+
+    runs: int = MISSING
+    seed: int = MISSING
+    batch: int = MISSING
+    store: str = MISSING
+    replace: bool = MISSING
+    precision: float | None = None
+
+
+@dataclass
+class Cluster:
+    """Where batches are computed; what a kind does not use is None.
+
+    Attributes
+    ----------
+    kind : str
+        ``threads``, ``processes``, ``scheduler`` or ``slurm``.
+    workers : int or None
+        Number of threads, processes or SLURM jobs.
+    address : str or None
+        Address of a running scheduler.
+    queue, memory, walltime, account : str or None
+        What a SLURM job asks for; the account may be left out.
+    cores : int or None
+        Threads of a SLURM job.
+    """
+
+    kind: str = MISSING
+    workers: int | None = None
+    address: str | None = None
+    queue: str | None = None
+    cores: int | None = None
+    memory: str | None = None
+    walltime: str | None = None
+    account: str | None = None
+
+
+@dataclass
+class Bounds(KindValues):
+    """Accuracy bounds the errors are judged by."""
+
+
+@dataclass
+class Config:
+    """The whole configuration.
+
+    Attributes
+    ----------
+    truth, noise, schedule, site, simulation, estimator, sensor, campaign, cluster, bounds : object
+        The groups of ``conf/``.
+    only_run : int or None
+        The one run to compute.
+    out : str or None
+        File a stage writes its result to.
+    a, b : str or None
+        Stores to compare.
+    campaigns : list of str or None
+        Stores to report on, the main one first.
+    accept : str or None
+        Why the gate's new baseline is accepted.
+    """
+
+    truth: Truth = field(default_factory=Truth)
+    noise: Noise = field(default_factory=Noise)
+    schedule: Schedule = field(default_factory=Schedule)
+    site: Site = field(default_factory=Site)
+    simulation: Simulation = field(default_factory=Simulation)
+    estimator: Estimator = field(default_factory=Estimator)
+    sensor: Sensor = field(default_factory=Sensor)
+    campaign: Campaign = field(default_factory=Campaign)
+    cluster: Cluster = field(default_factory=Cluster)
+    bounds: Bounds = field(default_factory=Bounds)
+    only_run: int | None = None
+    out: str | None = None
+    a: str | None = None
+    b: str | None = None
+    campaigns: list[str] | None = None
+    accept: str | None = None

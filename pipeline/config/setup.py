@@ -1,0 +1,150 @@
+"""What a configuration means in SI: everything the library is handed, made once and passed down."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from inscal import parameters, schedule, units
+from inscal.experiment import Experiment, prepare
+from inscal.motion import Site
+from inscal.recursion import Gains, InitialStd, compute_gains
+from inscal.simulation import TruthModel
+from inscal.state_model import NoiseModel, StateModel, Transitions, build_transitions
+from pipeline.config.schema import Config, KindValues
+from pipeline.console.progress import note
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A configuration and what it means; every part is made when it is first asked for.
+
+    Attributes
+    ----------
+    config : Config
+    """
+
+    config: Config
+
+    @cached_property
+    def quadratic_unit(self) -> float:
+        """Size of 1e-9 of quadratic coefficient, s^2/m."""
+        if self.config.sensor.quadratic_unit == "si":
+            return units.QUADRATIC_SI_FACE_VALUE
+        return units.quadratic_unit(self.config.sensor.accel_pulses_per_m_per_s)
+
+    @cached_property
+    def unit(self) -> NDArray[np.float64]:
+        """Size in SI of the paper unit of each parameter, shape (27,)."""
+        return parameters.si_units(self.quadratic_unit)
+
+    @cached_property
+    def bound(self) -> NDArray[np.float64]:
+        """Accuracy bounds in paper units, shape (27,)."""
+        return parameter_vector(self.config.bounds)
+
+    @cached_property
+    def schedule(self) -> schedule.Schedule:
+        """Schedule of the table."""
+        about = self.config.schedule
+        x, y, z = about.initial_posture
+        return schedule.Schedule(
+            initial_posture=(x, y, z),
+            turns=schedule.turns_of((angle, axis) for angle, axis in about.rotations),
+            position_duration=about.position_duration_s,
+            turn_rate=about.turn_rate_deg_per_s * units.DEGREE,
+        )
+
+    @cached_property
+    def site(self) -> Site:
+        """Where the table stands."""
+        return Site(self.config.site.latitude_deg * units.DEGREE, self.config.site.height_m)
+
+    @cached_property
+    def noise(self) -> NoiseModel:
+        """Noise of sensors and observations, of truth and belief alike."""
+        about = self.config.noise
+        return NoiseModel(
+            gyro=about.gyro_angle_random_walk_deg_per_sqrt_h * units.DEG_PER_SQRT_HOUR,
+            accel=about.accel_white_noise_ug_per_sqrt_hz * units.MICRO_G,
+            velocity=about.velocity_observation_m_per_s,
+            position=about.position_observation_m,
+        )
+
+    @cached_property
+    def prior(self) -> InitialStd:
+        """Standard deviations that the filter starts from."""
+        about = self.config.estimator.initial_std
+        return InitialStd(
+            attitude=np.array(about.attitude_deg) * units.DEGREE,
+            velocity=about.velocity_m_per_s,
+            position=about.position_m,
+            parameter=parameter_vector(about) * self.unit,
+        )
+
+    @cached_property
+    def truth(self) -> TruthModel:
+        """Distribution of the true parameters."""
+        about = self.config.truth
+        return TruthModel(about.distribution, parameter_vector(about) * self.unit)
+
+    @cached_property
+    def model(self) -> StateModel:
+        """States of the filter."""
+        return StateModel(tuple(self.config.estimator.states))
+
+    @cached_property
+    def transitions(self) -> Transitions:
+        """Linear model between updates."""
+        return build_transitions(
+            self.schedule,
+            self.site,
+            self.model,
+            self.noise,
+            update_interval=self.config.estimator.update_interval_s,
+        )
+
+    @cached_property
+    def gains(self) -> Gains:
+        """Gains and covariance of a first pass."""
+        return compute_gains(self.transitions, self.model, self.noise, self.prior)
+
+    @cached_property
+    def experiment(self) -> Experiment:
+        """All that the runs of a campaign share."""
+        _tell_of_compilation()
+        return prepare(
+            self.config.campaign.seed,
+            self.schedule,
+            self.site,
+            self.noise,
+            self.prior,
+            self.truth,
+            model=self.model,
+            passes=self.config.estimator.passes,
+            update_interval=self.config.estimator.update_interval_s,
+            dwell_step=self.config.simulation.dwell_step_s,
+            turn_step=self.config.simulation.turn_step_s,
+        )
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        """Lines to see before a campaign: pairs of parameters that the schedule cannot separate."""
+        return [
+            f"warning: schedule.rotations never shows {direction}: {a} and {b} cannot be told apart"
+            for a, b, direction in schedule.weak_pairs(self.schedule)
+        ]
+
+
+def parameter_vector(values: KindValues) -> NDArray[np.float64]:
+    """Values of a configuration group in state order, shape (27,), in paper units."""
+    return parameters.vector(values.by_kind())
+
+
+def _tell_of_compilation() -> None:
+    import numba
+
+    if not Path(getattr(numba.config, "CACHE_DIR", ".")).exists():
+        note("compiling the kernels, once: some ten seconds")

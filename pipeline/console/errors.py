@@ -1,0 +1,9 @@
+"""What a user can get wrong: each error's message is one line that names the key and the remedy."""
+
+
+class ConfigError(Exception):
+    """A configuration that cannot be used."""
+
+
+class DataError(Exception):
+    """Files a stage cannot use."""

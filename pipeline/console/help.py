@@ -1,0 +1,119 @@
+"""What ``--help`` prints: a stage's purpose, examples, and what it reads of the configuration.
+
+Everything is taken from where it is written already: the stage's docstring, read without running
+the module (the libraries that stages import take seconds), and the files and comments of ``conf/``.
+Of a docstring that are the first paragraph, ``Usage: ``...`` ``, the block after ``For example::``,
+and ``Reads:`` with groups (``noise``) and keys (``campaign.runs``, ``out``).
+"""
+
+import ast
+import re
+import sys
+import textwrap
+from pathlib import Path
+
+CONF = Path(__file__).resolve().parents[2] / "conf"
+"""The directory of the configuration files."""
+
+_WIDTH = 100
+_REMARK = 34  # column of the remarks
+_KEY = re.compile(r"^(\w+):[ ]*([^#\n]*?)[ ]*(?:#[ ]*(.*))?$", re.M)
+
+
+def is_asked(arguments: list[str]) -> bool:
+    """Whether command line arguments ask for help."""
+    return bool({"--help", "-h"} & {*arguments})
+
+
+def answer_early() -> None:
+    """Print the help that ``python -m pipeline.<stage> --help`` asks for, and end the process.
+
+    Called while the package is imported, before the stage's module is.
+    """
+    if "-m" in sys.orig_argv and is_asked(sys.argv[1:]):
+        name = sys.orig_argv[sys.orig_argv.index("-m") + 1]
+        path = Path(__file__).parent / f"{name.removeprefix('pipeline.')}.py"
+        found = help_text(path) if path.exists() else None
+        if found:
+            print(found)
+            raise SystemExit(0)
+
+
+def help_text(path: Path) -> str | None:
+    """Help of the stage in a source file; None if its docstring does not say what it reads.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    str or None
+        Lines of at most 100 columns.
+    """
+    doc = ast.get_docstring(ast.parse(path.read_text())) or ""
+    reads = re.search(r"^Reads: (.*?)\.$", doc, re.M | re.S)
+    if not reads:
+        return None
+    summary = re.sub(r"^Stage (\S+):", rf"{path.stem}:", doc.split("\n\n")[0]).replace("`", "")
+    usage = re.search(r"Usage:\s*``(.+?)``", doc, re.S)
+    examples = re.search(r"^For example::\n\n((?:    .*\n?)+)", doc, re.M)
+    parts = [textwrap.fill(" ".join(summary.split()), _WIDTH)]
+    if usage:
+        parts.append(_wrapped("usage: ", " ".join(usage[1].split())))
+    if examples:
+        parts.append(
+            "for example:\n" + textwrap.indent(textwrap.dedent(examples[1]), "  ").rstrip()
+        )
+    entries = reads[1].replace(",", " ").split()
+    if entries != ["nothing"]:
+        lines = [_entry(entry) for entry in entries]
+        parts.append("\n".join(["reads of the configuration, the default first:", *lines]))
+        parts.append(
+            "More keys, units and remarks: conf/GROUP/*.yaml; change any with GROUP.KEY=VALUE. "
+            "As it is\nwith these arguments: --cfg job"
+        )
+    return "\n\n".join(parts)
+
+
+def choices(group: str) -> list[str]:
+    """Names of the choices of a group, the default first."""
+    found = sorted(file.stem for file in (CONF / group).glob("*.yaml"))
+    defaults = re.search(rf"^  - {group}: (\S+)", (CONF / "config.yaml").read_text(), re.M)
+    default = defaults[1] if defaults else ""
+    return sorted(found, key=lambda name: name != default)
+
+
+def _entry(entry: str) -> str:
+    group, _, key = entry.partition(".")
+    if (CONF / group).is_dir() and not key:
+        names = choices(group)
+        if len(names) > 1:
+            return _wrapped(f"  {group}=", "|".join(names), "|")
+        keys = ", ".join(_keys(CONF / group / f"{names[0]}.yaml"))
+        return _wrapped(f"  {group}.KEY".ljust(_REMARK - 1) + " ", keys)
+    if key:
+        files = [CONF / group / f"{name}.yaml" for name in choices(group)]
+    else:
+        files, key = [CONF / "config.yaml"], group
+    for file in files:
+        if key in (found := _keys(file)):
+            value, remark = found[key]
+            start = f"  {entry}={value}"
+            return _wrapped(f"{start.ljust(_REMARK - 1)} ", remark) if remark else start
+    raise KeyError(f"{entry}: no such key in {files[0].parent}")
+
+
+def _keys(file: Path) -> dict[str, tuple[str, str]]:
+    """Value and remark of the keys on the outermost level of a YAML file."""
+    return {key: (value, remark) for key, value, remark in _KEY.findall(file.read_text())}
+
+
+def _wrapped(start: str, text: str, separator: str = " ") -> str:
+    """Text behind a start, broken at separators; what follows is indented like its beginning."""
+    lines, width = [""], _WIDTH - len(start)
+    for word in re.findall(rf"[^{separator}]+[{separator}]?", text):
+        if len(lines[-1]) + len(word.rstrip()) > width:
+            lines.append("")
+        lines[-1] += word
+    return start + f"\n{' ' * len(start)}".join(line.rstrip() for line in lines)

@@ -1,0 +1,102 @@
+"""Small files and lines a stage leaves."""
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from pipeline.console import interrupts
+from pipeline.console.errors import DataError
+
+
+def complain(lines: Iterable[str]) -> None:
+    """Print warnings on standard error."""
+    for line in lines:
+        print(line, file=sys.stderr)
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text file, making its folder.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be written.
+    """
+    try:
+        with interrupts.held():
+            Path(path).parent.mkdir(parents=True, exist_ok=True)
+            Path(path).write_text(text)
+            interrupts.wrote(path)
+    except OSError as error:
+        raise DataError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def json_text(data: Any, *, indent: int = 1) -> str:
+    """Strict JSON text of numbers, texts, lists and mappings.
+
+    JSON has neither NaN nor infinity: NaN is null, an infinite number the text "Infinity" or
+    "-Infinity".
+    """
+    return json.dumps(_to_strict(data), indent=indent, allow_nan=False) + "\n"
+
+
+def json_data(text: str) -> Any:
+    """Read what `json_text` wrote, null as NaN.
+
+    Raises
+    ------
+    ValueError
+        If it is no JSON.
+    """
+    return _from_strict(json.loads(text))
+
+
+def write_json(path: str | Path, data: Any, *, indent: int = 1) -> None:
+    """Write data as `json_text` has it, making the file's folder.
+
+    Raises
+    ------
+    DataError
+        If the file cannot be written.
+    """
+    write_text(path, json_text(data, indent=indent))
+
+
+_INFINITE = {"Infinity": math.inf, "-Infinity": -math.inf}
+
+
+def _to_strict(data: Any) -> Any:
+    if not isinstance(data, float):
+        return _each(_to_strict, data)
+    if math.isnan(data):
+        return None
+    return data if math.isfinite(data) else "Infinity" if data > 0 else "-Infinity"
+
+
+def _from_strict(data: Any) -> Any:
+    if data is None:
+        return math.nan
+    return _INFINITE.get(data, data) if isinstance(data, str) else _each(_from_strict, data)
+
+
+def _each(change: Callable[[Any], Any], data: Any) -> Any:
+    """Change every member of a list or mapping; leave anything else alone."""
+    if isinstance(data, Mapping):
+        return {key: change(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [change(value) for value in data]
+    return data
+
+
+def table_text(dataset: xr.Dataset) -> str:
+    """CSV text of the per-parameter variables of a dataset, six significant digits."""
+    table = dataset[[name for name, variable in dataset.data_vars.items() if variable.ndim == 1]]
+    frame = table.to_dataframe().reset_index()
+    leading = ["parameter", "unit"]
+    frame = frame[leading + [name for name in frame.columns if name not in leading]]
+    return frame.to_csv(index=False, float_format="%.6g")

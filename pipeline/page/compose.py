@@ -1,0 +1,267 @@
+"""The HTML page: one file with everything in it, for the study or for any campaigns.
+
+Sections come from the ``page_*`` modules, the look from ``templates``. The scripts in the page are
+Vega-Lite for the charts and DataTables for the table, as their packages ship them; nothing is
+loaded from anywhere.
+"""
+
+import base64
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import vl_convert
+from markupsafe import Markup, escape
+
+from pipeline.config.schema import Config
+from pipeline.console.errors import ConfigError, DataError
+from pipeline.gate import history
+from pipeline.gate.baseline import run_settings
+from pipeline.gate.judge import BASELINE
+from pipeline.page import campaign as page_campaign
+from pipeline.page import data as page_data
+from pipeline.page import origin as page_origin
+from pipeline.page import study as page_study
+from pipeline.page import verdict as page_verdict
+from pipeline.page.charts import THEME
+from pipeline.page.data import Campaign
+from pipeline.page.parts import Section
+from pipeline.paper import claims as paper
+from pipeline.paper.pages import FOLDER as PAPER_FOLDER
+from pipeline.study import findings
+
+_TITLES = {
+    "convergence": "How the sigmas converge",
+    "observability": "What each position makes observable",
+    "paper": "The paper, side by side",
+    "history": "Accuracy over time",
+    "schedules": "Campaigns against the first",
+}
+_STUDY_TITLE = "19 positions against 25"
+_NOISES = ("quiet", "reference", "noisy")
+_ACCURACY = PAPER_FOLDER / "accuracy.json"
+
+
+@dataclass(frozen=True)
+class Page:
+    """All that the template shows.
+
+    Attributes
+    ----------
+    title, headline : str
+    notes : list of str
+        What a reader must know before anything else, such as runs that are missing.
+    sections : list of Section
+    charts : dict of str to specification
+        Those of the sections and of the panels, by id.
+    panels : dict of str to dict
+        Of `pipeline.page.campaign.panels`.
+    """
+
+    title: str
+    headline: str
+    notes: list[str]
+    sections: list[Section]
+    charts: dict[str, Any]
+    panels: dict[str, Any]
+
+
+def study(config: Config) -> Page:
+    """Compose the page of the study.
+
+    Parameters
+    ----------
+    config : Config
+        Gives the bounds.
+
+    Returns
+    -------
+    Page
+
+    Raises
+    ------
+    DataError
+        If a result is missing.
+    """
+    every = page_data.read_campaigns(config, [findings.RUNS / n for n in findings.CAMPAIGNS])
+    by_name = {campaign.name: campaign for campaign in every}
+    main, one_pass = by_name[findings.MAIN], by_name[findings.ONE_PASS]
+    noises = [by_name[f"position25-{noise}"] for noise in _NOISES]
+    comparisons = [
+        (title, findings.read_comparison(name)) for name, title in findings.COMPARISONS.items()
+    ]
+    accuracy = findings.read_json(_ACCURACY, "paper_accuracy")
+    return _page(
+        "Calibration by Monte Carlo",
+        [main, *(campaign for campaign in every if campaign is not main)],
+        side_by_side=[main, one_pass],
+        schedules=page_campaign.contest_section(_STUDY_TITLE, comparisons),
+        noise=page_study.noise(noises, accuracy["margins"]),
+        paper_section=page_study.paper_section(paper.read_pages(PAPER_FOLDER), accuracy),
+    )
+
+
+def campaigns(config: Config, paths: Sequence[str]) -> Page:
+    """Compose the page of any campaigns.
+
+    Parameters
+    ----------
+    config : Config
+        Gives the bounds.
+    paths : sequence of str
+        Campaign stores, the main one first.
+
+    Returns
+    -------
+    Page
+
+    Raises
+    ------
+    DataError
+        If a store is missing or has fewer than two runs done.
+    """
+    every = page_data.read_campaigns(config, paths)
+    reason = (
+        "Left out: this page is of chosen campaigns; what the paper claims is judged on the page "
+        "of the study (python -m pipeline.report)."
+    )
+    return _page(
+        " · ".join(campaign.name for campaign in every),
+        every,
+        side_by_side=every,
+        schedules=_against_first(every),
+        noise=page_study.noise(every if _differ_in_noise(every) else [], None),
+        paper_section=Section("paper", _TITLES["paper"], left_out=reason),
+    )
+
+
+def _page(
+    title: str,
+    every: list[Campaign],
+    *,
+    side_by_side: list[Campaign],
+    schedules: Section,
+    noise: Section,
+    paper_section: Section,
+) -> Page:
+    main = every[0]
+    made_with, reason = page_data.config_or_reason(main)
+    course = page_data.course_of(main, made_with) if made_with else None
+    if made_with and course:
+        from_config = [
+            page_campaign.convergence(main, course),
+            page_campaign.observability(made_with),
+            page_study.accuracy_history(history.read(BASELINE), main, made_with),
+        ]
+    else:
+        names = ("convergence", "observability", "history")
+        from_config = [Section(n, _TITLES[n], left_out=f"Left out: {reason}.") for n in names]
+    convergence, observability, over_time = from_config
+    sections = [
+        page_verdict.section(main),
+        page_campaign.distributions(main),
+        page_campaign.sigmas(side_by_side),
+        page_campaign.nees(side_by_side),
+        schedules,
+        convergence,
+        observability,
+        noise,
+        paper_section,
+        over_time,
+        page_origin.section(every),
+    ]
+    charts, panels = page_campaign.panels(main, course)
+    for section in sections:
+        for picture in section.pictures:
+            charts |= picture.charts
+    notes = [note for note in map(page_data.unfinished, every) if note]
+    return Page(title, page_verdict.headline(main.summary), notes, sections, charts, panels)
+
+
+def _against_first(every: Sequence[Campaign]) -> Section:
+    """Make the section that compares further campaigns with the first, where they are pairs."""
+    first, *others = every
+    comparisons, reasons = [], []
+    for campaign in others:
+        try:
+            found = page_data.comparison(campaign, first)
+        except DataError as error:
+            reasons.append(f"Left out: {error}.")
+        else:
+            comparisons.append((f"{campaign.name} against {first.name}", found))
+    if not others:
+        reasons.append("Left out: there is no second campaign to compare with.")
+    section = page_campaign.contest_section(_TITLES["schedules"], comparisons)
+    return Section(
+        section.name,
+        section.title,
+        pictures=section.pictures,
+        left_out=" ".join(reasons),
+    )
+
+
+def _differ_in_noise(every: Sequence[Campaign]) -> bool:
+    settings = [run_settings(campaign.configuration) for campaign in every]
+    levels = {str(setting.pop("noise")) for setting in settings}
+    same = all(setting == settings[0] for setting in settings)
+    return same and len(levels) == len(every) > 1
+
+
+def html(page: Page) -> str:
+    """Write a page as one HTML file, the same bytes for the same page.
+
+    Parameters
+    ----------
+    page : Page
+
+    Returns
+    -------
+    str
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["code"] = _code
+    environment.policies["json.dumps_kwargs"] = {"separators": (",", ":")}  # and nothing sorted
+    tables = resources.files("itables") / "html"
+    return environment.get_template("report.html.jinja").render(
+        page=page,
+        theme=THEME,
+        vega=Markup(
+            vl_convert.javascript_bundle("window.vegaEmbed = vegaEmbed;").replace(
+                "</script", "<\\/script"
+            )
+        ),
+        # a module: it can only be imported, here from an address that holds it
+        datatables=base64.b64encode((tables / "dt_bundle.js").read_bytes()).decode(),
+        datatables_style=Markup((tables / "dt_bundle.css").read_text()),
+    )
+
+
+def _code(text: str) -> Markup:
+    """Text with what stands between backticks set as code."""
+    return Markup(re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text))))
+
+
+def output_path(config: Config) -> Path:
+    """File that the page of campaigns goes to: `out`, or one beside the first store.
+
+    Raises
+    ------
+    ConfigError
+        If it is no HTML file.
+    """
+    assert config.campaigns
+    first = Path(config.campaigns[0])
+    path = Path(config.out) if config.out else first.with_name(f"{first.name}.html")
+    if path.suffix != ".html":
+        raise ConfigError(f"out = {config.out!r}: must be an HTML file")
+    return path

@@ -1,0 +1,276 @@
+"""Sections of the HTML page on noise, on the paper, and on accuracy over time."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from inscal import statistics
+from inscal.parameters import COUNT, KIND_OF, KINDS, NAMES
+from pipeline.config.schema import Config
+from pipeline.gate import history
+from pipeline.gate.baseline import configuration_of
+from pipeline.page import charts as page_charts
+from pipeline.page.data import Campaign, rounded
+from pipeline.page.parts import Cell, Picture, Section, Table, cells
+from pipeline.page.verdict import look
+from pipeline.paper import claims as paper
+from pipeline.paper.noise import SCALES
+from pipeline.study import findings
+from pipeline.study.findings import RATIO_BAND
+from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
+from pipeline.words import markdown as md
+
+_QUANTILE = "abs_error_p997"
+_LIMITS = {"gyro": "gyro noise", "accel": "accelerometer noise"}
+
+
+def noise(campaigns: Sequence[Campaign], margins: Mapping[str, Any] | None) -> Section:
+    """Make the section of what noise does to the bounds.
+
+    Parameters
+    ----------
+    campaigns : sequence of Campaign
+        That differ in their noise alone; the picture needs two.
+    margins : mapping or None
+        By kind, of ``results/paper/accuracy.json``.
+
+    Returns
+    -------
+    Section
+    """
+    pictures = []
+    if len(campaigns) > 1:
+        pictures.append(_noise_picture(campaigns))
+    if margins is not None:
+        pictures.append(_margin_picture(margins))
+    reason = "" if pictures else "Left out: no two of the campaigns differ in their noise alone."
+    return Section(
+        "noise", "How much noise the bounds can bear", pictures=pictures, left_out=reason
+    )
+
+
+def _noise_picture(campaigns: Sequence[Campaign]) -> Picture:
+    rows, texts = [], []
+    for campaign in campaigns:
+        table, inside = campaign.summary["parameters"], 0
+        for kind in KINDS:
+            own = [name for name, other in zip(NAMES, KIND_OF, strict=True) if other == kind]
+            worst = max(table[name][_QUANTILE] / table[name]["bound"] for name in own)
+            inside += worst <= 1.0
+            label = {"kind": _words(kind), "series": campaign.name, "label": ""}
+            rows.append(label | {"value": rounded(worst)})
+        texts.append(f"{inside} of {len(KINDS)} kinds in {md.code(campaign.name)}")
+    spec = page_charts.scattered(
+        rows,
+        field="kind",
+        order=[_words(kind) for kind in KINDS],
+        series=[campaign.name for campaign in campaigns],
+        axis="|error| of 99.7 % / bound",
+    )
+    sentence = (
+        "What 99.7 % of errors stay below, over the bound (dashed at 1), for the worst parameter "
+        f"of each kind: it is within the bound for {', '.join(texts)}."
+    )
+    return Picture(sentence, {"noise": spec})
+
+
+def _margin_picture(margins: Mapping[str, Mapping[str, float]]) -> Picture:
+    largest = float(SCALES[-1])
+    smallest = min(v for row in margins.values() for v in row.values() if v > 0.0) / 2.0
+    rows = []
+    for kind, row in margins.items():
+        for sensor, text in _LIMITS.items():
+            factor = _margin(row[sensor])
+            label = "none" if factor == 0.0 else f"over {largest:g}" if factor > largest else ""
+            value = min(max(factor, smallest), largest)
+            place = {"kind": _words(kind), "series": text, "label": label}
+            rows.append(place | {"value": rounded(value)})
+    spec = page_charts.scattered(
+        rows,
+        field="kind",
+        order=[_words(kind) for kind in margins],
+        series=list(_LIMITS.values()),
+        axis="largest noise / configured noise",
+    )
+    least = min(margins, key=lambda kind: _margin(margins[kind]["gyro"]))
+    tight = _margin(margins[least]["gyro"])
+    failing = sum(_margin(row["gyro"]) < 1.0 for row in margins.values())
+    sentence = (
+        "The largest noise of one sensor, the other's unchanged, at which each bound holds in "
+        f"{100 * findings.ENOUGH:g} % of runs by the predicted sigma: the least gyro noise is "
+        f"borne by {_words(least)}, {tight:.2f} times the configured one, and {failing} of "
+        f"{len(margins)} kinds bear less than is configured ('none': the rest of the noise alone "
+        "is too much)."
+    )
+    return Picture(sentence, {"margins": spec})
+
+
+def _margin(factor: float) -> float:
+    return math.inf if math.isnan(factor) else factor  # older files have no infinity
+
+
+def _words(kind: str) -> str:
+    return kind.replace("_", " ")
+
+
+def paper_section(pages: Mapping[str, str], accuracy: Mapping[str, Any]) -> Section:
+    """Make the section that puts the paper's claims and estimates beside ours.
+
+    Parameters
+    ----------
+    pages : mapping of str to str
+        Of `pipeline.paper.read_pages`.
+    accuracy : mapping
+        ``results/paper/accuracy.json``.
+
+    Returns
+    -------
+    Section
+    """
+    tables, words = [], Counter[str]()
+    for text in pages.values():
+        heading, *rows = [_split(line) for line in paper.first_table(text)]
+        found = [_claim(row) for row in rows[1:]]
+        for row in found:
+            words.update(w for w in (MET, NOT_MET, UNDECIDED) if row[-1].text.startswith(w))
+        title = text.splitlines()[0].removeprefix("# ")
+        tables.append(Table(title, heading, found, len(heading)))
+    counts = ", ".join(f"{words[word]} {word}" for word in (MET, NOT_MET, UNDECIDED))
+    return Section(
+        "paper",
+        "The paper, side by side",
+        lines=(f"Of {words.total()} claims judged: {counts}.",),
+        pictures=[_paper_picture(accuracy["parameters"])],
+        tables=[*tables, _table_3(accuracy["parameters"])],
+    )
+
+
+def _claim(texts: Sequence[str]) -> list[Cell]:
+    *row, verdict = (text.replace("**", "") for text in texts)
+    return [*map(Cell, row), Cell(verdict, look=look(verdict))]
+
+
+def _split(line: str) -> list[str]:
+    return [cell.strip() for cell in line.strip().strip("|").split("|")]
+
+
+def _paper_picture(table: Mapping[str, Mapping[str, float]]) -> Picture:
+    series, rows, scores = ("the paper's run", "our RMSE"), [], []
+    bounds = dict(zip(NAMES, (KINDS[kind].paper_bound for kind in KIND_OF), strict=True))
+    for name, row in table.items():
+        error = abs(row["paper_estimate"] - row["truth"])
+        scores.append(error / row["rmse"])
+        for what, value in zip(series, (error, row["rmse"]), strict=True):
+            place = {"parameter": name, "series": what, "label": ""}
+            rows.append(place | {"value": rounded(value / bounds[name])})
+    spec = page_charts.scattered(
+        rows,
+        field="parameter",
+        order=list(NAMES),
+        series=series,
+        axis="error / the paper's bound",
+    )
+    rms = math.sqrt(sum(score**2 for score in scores) / len(scores))
+    larger = sum(score > 1.0 for score in scores)
+    sentence = (
+        "Error of the paper's one simulated run and RMSE of ours with the same true errors, over "
+        f"the paper's bounds (dashed at 1): the paper's is the larger for {larger} of "
+        f"{len(scores)} parameters, {rms:.1f} times ours in the root mean square."
+    )
+    return Picture(sentence, {"paper": spec})
+
+
+def _table_3(table: Mapping[str, Mapping[str, Any]]) -> Table:
+    rows = [
+        cells(
+            (
+                f"`{name}`",
+                row["unit"],
+                f"{row['truth']:g}",
+                f"{row['paper_estimate']:g}",
+                f"{row['one_run']:.6g}",
+                f"{row['mean']:.6g}",
+                f"{row['rmse']:.3g}",
+            )
+        )
+        for name, row in table.items()
+    ]
+    headings = ("parameter", "unit", "truth", "paper's estimate", "our run 0", "our mean", "RMSE")
+    return Table("Table 3 of the paper, parameter by parameter", headings, rows, 2, folded=True)
+
+
+def accuracy_history(rows: Sequence[history.Row], campaign: Campaign, config: Config) -> Section:
+    """Make the section of the gate's baselines over time, the campaign being the last point.
+
+    Parameters
+    ----------
+    rows : sequence of Row
+        Baselines, oldest first.
+    campaign : Campaign
+    config : Config
+        That it was made with.
+
+    Returns
+    -------
+    Section
+    """
+    title = "Accuracy over time"
+    if not (campaign.predicted_std > 0.0).all():
+        reason = "Left out: the filter leaves out parameters, as that of no baseline does."
+        return Section("history", title, left_out=reason)
+    if not rows:
+        reason = "Left out: no baseline has been accepted yet (python -m pipeline.regress)."
+        return Section("history", title, left_out=reason)
+    now = history.row_of(
+        campaign.error,
+        campaign.predicted_std,
+        campaign.runs["nees"].to_numpy(),
+        configuration_of(config),
+        date="now",
+        reason=campaign.name,
+    )
+    states = [*rows, now]
+    last = rows[-1]
+    band = statistics.nees_interval(last.runs, COUNT)
+    charts = {"history-nees": _states("mean NEES", states, None, band, float(COUNT))}
+    for kind in KINDS:
+        if math.isfinite(now.ratio[kind]):
+            charts[f"history-{kind}"] = _states(_words(kind), states, kind, RATIO_BAND, 1.0)
+    same = "the same" if now.configuration == last.configuration else "another"
+    sentence = (
+        f"Mean NEES and RMSE over predicted sigma of each kind at {len(rows)} accepted "
+        f"{'baseline' if len(rows) == 1 else 'baselines'} (circles) and in "
+        f"{md.code(campaign.name)} now (diamond), which has {same} configuration and {now.runs} "
+        f"runs instead of {last.runs}: mean NEES {last.nees_mean:.2f} then, {now.nees_mean:.2f} "
+        f"now (shaded: chance at {last.runs} runs, and the band of an honest sigma)."
+    )
+    table = Table(
+        "Baselines and the state now",
+        ("date", "reason", "runs", "mean NEES", "configuration"),
+        [
+            cells((r.date, r.reason, r.runs, f"{r.nees_mean:.2f}", f"`{r.configuration}`"))
+            for r in states
+        ],
+        2,
+    )
+    return Section("history", title, pictures=[Picture(sentence, charts, "small")], tables=[table])
+
+
+def _states(
+    title: str,
+    states: Sequence[history.Row],
+    kind: str | None,
+    band: tuple[float, float],
+    expected: float,
+) -> page_charts.Spec:
+    rows = [
+        {
+            "when": f"{number}: {row.date}" if number < len(states) else row.date,
+            "reason": row.reason,
+            "what": "baseline" if number < len(states) else "this campaign",
+            "value": rounded(row.nees_mean if kind is None else row.ratio[kind]),
+        }
+        for number, row in enumerate(states, start=1)
+    ]
+    return page_charts.history(rows, band, expected, title)

@@ -1,0 +1,248 @@
+"""Numbers of the consistency study: estimates against what is claimed and possible, innovations.
+
+Morris, White & Crowther (2019), Statistics in Medicine 38:2074-2102, say what to report of
+estimates, and that each number needs its Monte Carlo standard error.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import xarray as xr
+from scipy import stats
+
+from inscal import statistics
+from inscal.experiment import Experiment
+from inscal.innovations import Sample, share_beyond_band
+from inscal.parameters import COUNT
+from inscal.recursion import OBSERVED
+from inscal.statistics import Bounded, Estimate
+from pipeline.console.errors import DataError
+
+LAGS = range(1, 21)
+"""Lags of the autocorrelations, in updates."""
+
+CONFIDENCE = 0.99
+"""Of the intervals of NEES, NIS and shares, each judged once or a few times."""
+
+ALL_AT_ONCE = 1.0 - 0.05 / COUNT
+"""Confidence of each of 27 intervals that together hold in 95 of 100 campaigns (Bonferroni)."""
+
+COVERING = float(stats.norm.ppf(0.975))
+"""Half the width of a 95 % interval, in sigmas."""
+
+OUTSIDE_BAND = 0.05
+"""Share of a white sequence's autocorrelations outside their band."""
+
+OBSERVATIONS = [f"velocity {axis}" for axis in "NED"] + [f"position {axis}" for axis in "NEh"]
+"""Components of an innovation: North, East, Down, height."""
+
+_STRETCHES = 5
+_PAPER_UNIT = "see coordinate unit"
+
+
+class Bounds(NamedTuple):
+    """Cramér-Rao bounds of the parameters, in paper units, and what they say of the filter.
+
+    Attributes
+    ----------
+    bayesian : ndarray, shape (27,)
+        Standard deviations for parameters spread like the campaign's truth.
+    classical : ndarray, shape (27,)
+        Standard deviations without prior knowledge.
+    filter_difference : float
+        Largest difference between the filter's covariance and the bound for the filter's own
+        prior, in units of the sigmas of its row and column.
+    """
+
+    bayesian: np.ndarray
+    classical: np.ndarray
+    filter_difference: float
+
+
+def estimates(done: xr.Dataset, bounds: Bounds) -> xr.Dataset:
+    """Performance of the estimates per parameter, and of all at once.
+
+    Parameters
+    ----------
+    done : xarray.Dataset
+        Runs done, all parameters modelled.
+    bounds : Bounds
+
+    Returns
+    -------
+    xarray.Dataset
+        As of `inscal.summary.summarize`; _mcse is a Monte Carlo standard error, _lower and _upper
+        are 95 % intervals, _lower_all and _upper_all intervals for all parameters at once.
+    """
+    error = done["error"].transpose("run", "parameter").to_numpy()
+    sigma = done["predicted_std"].to_numpy()
+    half_width = COVERING * sigma
+    within = (np.abs(error) <= half_width).mean(axis=0)
+    bias = statistics.bias(error)
+    columns: dict[str, Any] = {
+        **_with_mcse("bias", bias, _PAPER_UNIT),
+        "bias_over_mcse": _variable(bias.value / bias.mcse, "1"),
+        **_with_mcse("std", statistics.standard_deviation(error), _PAPER_UNIT),
+        "predicted_std": _variable(sigma, _PAPER_UNIT),
+        **_with_mcse("model_error_percent", statistics.model_error_percent(error, sigma), "%"),
+        **_with_mcse(
+            "coverage_95_percent",
+            Estimate(within, np.sqrt(within * (1.0 - within) / len(error))),
+            "1",
+        ),
+        **_with_mcse(
+            "bias_eliminated_coverage_95_percent",
+            statistics.bias_eliminated_coverage(error, half_width),
+            "1",
+        ),
+        "rmse": _variable(statistics.rmse(error).value, _PAPER_UNIT),
+        "bayesian_bound": _variable(bounds.bayesian, _PAPER_UNIT),
+        "classical_bound": _variable(bounds.classical, _PAPER_UNIT),
+    }
+    for confidence, suffix in ((0.95, ""), (ALL_AT_ONCE, "_all")):
+        ratio = Bounded(*(s / bounds.bayesian for s in statistics.rmse(error, confidence)))
+        columns |= _with_interval("rmse_over_bound", ratio, suffix)
+        for count in (1, 2, 3):
+            share = statistics.share_within(error, count * sigma, confidence)
+            columns |= _with_interval(f"coverage_{count}_sigma", share, suffix)
+    nees = done["nees"].to_numpy()
+    lower, upper = statistics.nees_interval(len(nees), COUNT, CONFIDENCE)
+    scalars = {
+        "runs_done": len(nees),
+        "runs_failed": done.attrs["failed"],
+        "nees_mean": nees.mean(),
+        "nees_lower": lower,
+        "nees_upper": upper,
+        "nees_distribution_p": stats.kstest(nees, stats.chi2(COUNT).cdf).pvalue,
+        "filter_difference": bounds.filter_difference,
+    }
+    columns |= {name: _variable(value, "1") for name, value in scalars.items()}
+    return xr.Dataset(columns, coords={name: done[name] for name in ("parameter", "unit")})
+
+
+def stretches_of(positions: int, updates: int) -> list[range]:
+    """Positions, counted from 0, of the whole record, of its beginning and of its stretches.
+
+    Raises
+    ------
+    DataError
+        If a stretch would be too short for the lags.
+    """
+    parts = np.array_split(np.arange(positions), min(_STRETCHES, positions))
+    if updates // positions <= max(LAGS):
+        raise DataError(f"schedule: the study needs more than {max(LAGS)} updates per position")
+    several = [range(int(part[0]), int(part[-1]) + 1) for part in parts]
+    return list(dict.fromkeys([range(positions), range(1), *several]))
+
+
+def innovations(repeated: Sample, experiment: Experiment, positions: int) -> dict[str, Any]:
+    """Judge the innovations of every pass.
+
+    Parameters
+    ----------
+    repeated : Sample
+        From `repeat_runs`.
+    experiment : Experiment
+    positions : int
+        Of the schedule.
+
+    Returns
+    -------
+    dict
+        Of the sample: runs, updates, NEES of the estimates and of those after the first pass
+        alone; and ``passes``, each with NIS by position, autocorrelations averaged over runs, and
+        ``stretches`` of the record, the whole of it first.
+    """
+    passes, updates, runs = repeated.nis.shape
+    covariance = experiment.estimator.parameter_covariance
+    first, final = (
+        _mean_in_interval(statistics.nees(estimate - repeated.truth, covariance), COUNT)
+        for estimate in (repeated.first_estimate, repeated.estimate)
+    )
+    return {
+        "runs": runs,
+        "updates": updates,
+        "observation_noise": _observation_noise(experiment),
+        "first_pass_nees": first,
+        "nees": final,
+        "passes": [
+            _pass(repeated.nis[number], repeated.autocorrelation[number], positions)
+            for number in range(passes)
+        ],
+    }
+
+
+def _observation_noise(experiment: Experiment) -> float:
+    """Share of observation noise in the predicted variance of an innovation, median."""
+    noise = np.repeat([experiment.noise.velocity, experiment.noise.position], OBSERVED // 2)
+    variance = experiment.estimator.first.innovation_covariance.diagonal(axis1=1, axis2=2)
+    return float(np.median(noise**2 / variance))
+
+
+def _pass(nis: np.ndarray, correlation: np.ndarray, positions: int) -> dict[str, Any]:
+    updates = len(nis)
+    parts = [updates_of(range(p, p + 1), positions, updates) for p in range(positions)]
+    return {
+        "nis_by_position": [float(nis[part].mean()) for part in parts],
+        "pooled": _pooled(correlation[0].mean(axis=-1), nis.size),
+        "stretches": [
+            _stretch(s, nis[updates_of(s, positions, updates)], correlation[place])
+            for place, s in enumerate(stretches_of(positions, updates))
+        ],
+    }
+
+
+def _stretch(positions: range, nis: np.ndarray, correlation: np.ndarray) -> dict[str, Any]:
+    share = share_beyond_band(
+        correlation, len(nis), LAGS, band=1.0 - OUTSIDE_BAND, confidence=CONFIDENCE
+    )
+    return {
+        "first_position": positions.start + 1,
+        "last_position": positions.stop,
+        "nis": _mean_in_interval(nis, OBSERVED),
+        "share_beyond_band": {k: float(v) for k, v in share._asdict().items()},
+    }
+
+
+def _pooled(mean: np.ndarray, values: int) -> dict[str, Any]:
+    """Autocorrelations (lags, 6) averaged over runs, `values` being what each is an average of."""
+    lag, component = np.unravel_index(np.abs(mean).argmax(), mean.shape)
+    band = statistics.white_band(values, 1.0 - OUTSIDE_BAND)
+    return {
+        "band": band,
+        "count": mean.size,
+        "beyond": int((np.abs(mean) > band).sum()),
+        "largest": float(mean[lag, component]),
+        "largest_lag": LAGS[lag],
+        "largest_observation": OBSERVATIONS[component],
+    }
+
+
+def _mean_in_interval(values: np.ndarray, dof: int) -> dict[str, float]:
+    lower, upper = statistics.nees_interval(values.size, dof, CONFIDENCE)
+    return {"mean": float(values.mean()), "lower": lower, "upper": upper}
+
+
+def updates_of(positions: range, count: int, updates: int) -> slice:
+    """Updates of some of `count` positions that share `updates` of them equally."""
+    return slice(positions.start * updates // count, positions.stop * updates // count)
+
+
+def _variable(values: np.ndarray | float, units: str) -> xr.Variable:
+    array = np.asarray(values)
+    return xr.Variable(("parameter",) if array.ndim else (), array, {"units": units})
+
+
+def _with_mcse(name: str, estimate: Estimate, units: str) -> dict[str, xr.Variable]:
+    return {
+        name: _variable(estimate.value, units),
+        f"{name}_mcse": _variable(estimate.mcse, units),
+    }
+
+
+def _with_interval(name: str, bounded: Bounded, suffix: str) -> dict[str, xr.Variable]:
+    return {
+        name: _variable(bounded.value, "1"),
+        f"{name}_lower{suffix}": _variable(bounded.lower, "1"),
+        f"{name}_upper{suffix}": _variable(bounded.upper, "1"),
+    }
