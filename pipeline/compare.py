@@ -14,11 +14,11 @@ from pathlib import Path
 
 import xarray as xr
 
-from pipeline.campaign.judged import as_json, comparison_of
+from pipeline.campaign.judged import as_json, comparison_of, table_text
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
-from pipeline.console.output import json_data, table_text, write_text
+from pipeline.console.output import json_data, write_text
 from pipeline.console.terminal import new_table, say, show
 from pipeline.study.findings import contest, contest_verdict
 

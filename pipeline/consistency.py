@@ -15,14 +15,14 @@ Reads: campaign.store campaign.seed.
 
 from pathlib import Path
 
-from pipeline.campaign.judged import as_json
+from pipeline.campaign.judged import as_json, table_text
 from pipeline.charts import consistency as consistency_plots
 from pipeline.charts import style
 from pipeline.config.load import config_of
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
-from pipeline.console.output import json_data, table_text, write_text
+from pipeline.console.output import json_data, write_text
 from pipeline.console.progress import busy
 from pipeline.proof import report as consistency_report
 from pipeline.proof import statistics as numbers

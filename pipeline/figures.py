@@ -18,16 +18,14 @@ from pipeline.charts.campaigns import Campaign
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.progress import track
-from pipeline.study import findings
+from pipeline.study import findings, names
 
 FOLDER = Path("results/figures")
-
-_NOISES = ("quiet", "reference", "noisy")
 
 
 def load(config: Config, name: str) -> Campaign:
     """Load a campaign by the name of its store; DataError if it is missing or empty."""
-    path = findings.RUNS / name
+    path = names.RUNS / name
     summary = summary_of(config, path)
     campaign = store.read(path)
     done = campaign.isel(run=(campaign["status"] == DONE).to_numpy())
@@ -47,11 +45,12 @@ def draw_all(config: Config) -> dict[str, Figure]:
     dict of str to Figure
         By file name.
     """
-    noises = {noise: load(config, f"position25-{noise}") for noise in _NOISES}
-    reference = noises["reference"]
-    passes = {1: load(config, findings.ONE_PASS), 2: reference}
+    levels = {name: load(config, name) for name in names.MAIN_LEVELS}
+    noises = {level.configuration["noise"]["name"]: level for level in levels.values()}
+    reference = levels[names.MAIN]
+    passes = {1: load(config, names.ONE_PASS), 2: reference}
     comparisons = {
-        title: findings.read_comparison(name) for name, title in findings.COMPARISONS.items()
+        title: findings.read_comparison(name) for name, title in names.COMPARISONS.items()
     }
     noise = reference.configuration["noise"]
     return {

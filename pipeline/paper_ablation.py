@@ -15,14 +15,14 @@ from pipeline.paper.ablation import TRUTHS, ablation_of, table
 from pipeline.paper.ablation_figure import ablation_figure
 from pipeline.paper.ablation_text import ablation_text
 from pipeline.paper.pages import FOLDER
-from pipeline.study import findings
+from pipeline.study import names
 
 
 @stage
 def main(config: Config) -> None:
     """Write page, table and figure."""
     ablations = {
-        truth: ablation_of(config, findings.RUNS / name)
+        truth: ablation_of(config, names.RUNS / name)
         for truth, name in track(TRUTHS.items(), "filters of fewer states")
     }
     style.save(ablation_figure(ablations), FOLDER / "ablation.png")

@@ -12,10 +12,10 @@ Reads: schedule noise campaign.store bounds.
 
 import xarray as xr
 
-from pipeline.campaign.judged import _FOLDER, as_json, summary_of
+from pipeline.campaign.judged import _FOLDER, as_json, summary_of, table_text
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
-from pipeline.console.output import table_text, write_text
+from pipeline.console.output import write_text
 from pipeline.console.terminal import new_table, show
 
 

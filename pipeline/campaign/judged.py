@@ -7,11 +7,11 @@ import xarray as xr
 from inscal.parameters import NAMES
 from inscal.summary import compare, summarize
 from pipeline.campaign import store
+from pipeline.config.load import differences
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError
 from pipeline.console.output import complain, json_text
-from pipeline.gate.baseline import differences
 
 _FOLDER = Path("results/summary")
 
@@ -64,12 +64,11 @@ def as_json(dataset: xr.Dataset) -> str:
     `pipeline.console.output.json_data` reads it back; NaN is null in between.
     """
     scalars = {name: v.item() for name, v in dataset.data_vars.items() if v.ndim == 0}
+    columns = {name: v.to_numpy().tolist() for name, v in dataset.data_vars.items() if v.ndim}
+    columns["unit"] = [str(unit) for unit in dataset["unit"].to_numpy()]
     table = {
-        str(name): {
-            key: v.sel(parameter=name).item() for key, v in dataset.data_vars.items() if v.ndim
-        }
-        | {"unit": str(dataset.unit.sel(parameter=name).values)}
-        for name in dataset.parameter.values
+        str(name): {key: values[place] for key, values in columns.items()}
+        for place, name in enumerate(dataset["parameter"].to_numpy())
     }
     return json_text(dataset.attrs | scalars | {"parameters": table})
 
@@ -112,3 +111,12 @@ def comparison_of(a: str | Path, b: str | Path) -> xr.Dataset:
 def _duration(campaign: xr.Dataset) -> float:
     schedule = campaign.attrs["configuration"]["schedule"]
     return (len(schedule["rotations"]) + 1) * schedule["position_duration_s"]
+
+
+def table_text(dataset: xr.Dataset) -> str:
+    """CSV text of the per-parameter variables of a dataset, six significant digits."""
+    table = dataset[[name for name, variable in dataset.data_vars.items() if variable.ndim == 1]]
+    frame = table.to_dataframe().reset_index()
+    leading = ["parameter", "unit"]
+    frame = frame[leading + [name for name in frame.columns if name not in leading]]
+    return frame.to_csv(index=False, float_format="%.6g")

@@ -13,20 +13,21 @@ import json
 import shutil
 from importlib.metadata import version
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import dask.array
 import numpy as np
 import xarray as xr
 import zarr
 
-from inscal.experiment import Outcome
-from inscal.kernel import source_digest
 from inscal.parameters import COUNT, NAMES, UNITS
 from inscal.statistics import rmse_half_width_relative
-from pipeline.config.load import resolved
+from pipeline.config.load import resolved, run_settings
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError
+
+if TYPE_CHECKING:
+    from inscal.experiment import Outcome
 
 NOT_RUN, DONE, FAILED = 0, 1, 2
 """Values of ``status``."""
@@ -34,12 +35,6 @@ NOT_RUN, DONE, FAILED = 0, 1, 2
 _CHUNKS = 12
 _PER_RUN = ("truth", "estimate", "error", "nees", "status")
 _SOFTWARE = ("inscal", "numpy", "scipy", "numba", "xarray", "zarr", "dask")
-# what a store's numbers do not depend on
-_IRRELEVANT = (
-    *("cluster", "bounds", "effects", "laboratory"),
-    *("only_run", "out", "a", "b", "campaigns", "accept"),
-)
-_IRRELEVANT_CAMPAIGN = ("batch", "store", "replace", "precision")
 
 
 def fingerprint(config: Config) -> str:
@@ -54,10 +49,9 @@ def fingerprint(config: Config) -> str:
     str
         Hexadecimal SHA-256.
     """
-    settings = {k: v for k, v in resolved(config).items() if k not in _IRRELEVANT}
-    settings["campaign"] = {
-        k: v for k, v in settings["campaign"].items() if k not in _IRRELEVANT_CAMPAIGN
-    }
+    from inscal.kernel import source_digest  # compiles; readers of stores need not wait for it
+
+    settings = run_settings(resolved(config)) | {"runs": config.campaign.runs}
     text = json.dumps(settings, sort_keys=True) + source_digest()
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -121,6 +115,8 @@ def _attributes(path: Path) -> dict:
 
 def _template(config: Config, predicted_std: np.ndarray, path: Path) -> None:
     """Write a store without any runs, in place of an unfinished one."""
+    import dask.array  # for a new store alone
+
     runs = config.campaign.runs
     chunk = -(-runs // _CHUNKS)
 
@@ -185,7 +181,7 @@ def precision(store: zarr.Group, runs: int) -> float:
     return float(rmse_half_width_relative(np.asarray(_array(store, "error")[:runs])[done]).max())
 
 
-def write(store: zarr.Group, config: Config, results: list[tuple[list[int], Outcome]]) -> None:
+def write(store: zarr.Group, config: Config, results: "list[tuple[list[int], Outcome]]") -> None:
     """Write finished runs, neighbours together.
 
     Parameters

@@ -22,6 +22,9 @@ from pipeline.config.schema import KIND_KEYS, Config
 from pipeline.console.errors import ConfigError
 from pipeline.console.help import CONF
 
+RUN_GROUPS = ("truth", "noise", "schedule", "site", "simulation", "estimator", "sensor")
+"""Groups that decide the runs of a campaign, beside its seed; bounds and cluster do not."""
+
 VERSION_BASE = "1.3"
 """Version of Hydra whose behaviour is asked for."""
 
@@ -146,6 +149,12 @@ def config_of(configuration: Mapping[str, Any]) -> Config:
     config = OmegaConf.to_object(OmegaConf.merge(OmegaConf.structured(Config), own))
     assert isinstance(config, Config)
     return config
+
+
+def run_settings(configuration: Mapping[str, Any]) -> dict[str, Any]:
+    """What of a configuration as stores and JSON have it makes the runs, seed included."""
+    groups = {name: configuration[name] for name in RUN_GROUPS}
+    return groups | {"seed": configuration["campaign"]["seed"]}
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any], prefix: str = "") -> list[str]:

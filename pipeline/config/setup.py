@@ -1,20 +1,30 @@
-"""What a configuration means in SI: everything the library is handed, made once and passed down."""
+"""What a configuration means in SI: everything the library is handed, made once and passed down.
+
+The library's modules are imported where they are used: numba and scipy take half a second, and
+many stages need no more than units and bounds.
+"""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from inscal import parameters, schedule, units
-from inscal.experiment import Experiment, prepare
-from inscal.motion import Site
-from inscal.recursion import Gains, InitialStd, compute_gains
-from inscal.simulation import TruthModel
-from inscal.state_model import NoiseModel, StateModel, Transitions, build_transitions
+from inscal import parameters, units
 from pipeline.config.schema import Config, KindValues
 from pipeline.console.progress import note
+
+if TYPE_CHECKING:
+    from inscal.experiment import Experiment
+    from inscal.motion import Site
+    from inscal.recursion import Gains, InitialStd
+    from inscal.schedule import Schedule
+    from inscal.simulation import TruthModel
+    from inscal.state_model import NoiseModel, StateModel, Transitions
 
 
 @dataclass(frozen=True)
@@ -46,8 +56,10 @@ class Setup:
         return parameter_vector(self.config.bounds)
 
     @cached_property
-    def schedule(self) -> schedule.Schedule:
+    def schedule(self) -> Schedule:
         """Schedule of the table."""
+        from inscal import schedule
+
         about = self.config.schedule
         x, y, z = about.initial_posture
         return schedule.Schedule(
@@ -60,11 +72,15 @@ class Setup:
     @cached_property
     def site(self) -> Site:
         """Where the table stands."""
+        from inscal.motion import Site
+
         return Site(self.config.site.latitude_deg * units.DEGREE, self.config.site.height_m)
 
     @cached_property
     def noise(self) -> NoiseModel:
         """Noise of sensors and observations, of truth and belief alike."""
+        from inscal.state_model import NoiseModel
+
         about = self.config.noise
         return NoiseModel(
             gyro=about.gyro_angle_random_walk_deg_per_sqrt_h * units.DEG_PER_SQRT_HOUR,
@@ -76,6 +92,8 @@ class Setup:
     @cached_property
     def prior(self) -> InitialStd:
         """Standard deviations that the filter starts from."""
+        from inscal.recursion import InitialStd
+
         about = self.config.estimator.initial_std
         return InitialStd(
             attitude=np.array(about.attitude_deg) * units.DEGREE,
@@ -87,17 +105,23 @@ class Setup:
     @cached_property
     def truth(self) -> TruthModel:
         """Distribution of the true parameters."""
+        from inscal.simulation import TruthModel
+
         about = self.config.truth
         return TruthModel(about.distribution, parameter_vector(about) * self.unit)
 
     @cached_property
     def model(self) -> StateModel:
         """States of the filter."""
+        from inscal.state_model import StateModel
+
         return StateModel(tuple(self.config.estimator.states))
 
     @cached_property
     def transitions(self) -> Transitions:
         """Linear model between updates."""
+        from inscal.state_model import build_transitions
+
         return build_transitions(
             self.schedule,
             self.site,
@@ -109,11 +133,15 @@ class Setup:
     @cached_property
     def gains(self) -> Gains:
         """Gains and covariance of a first pass."""
+        from inscal.recursion import compute_gains
+
         return compute_gains(self.transitions, self.model, self.noise, self.prior)
 
     @cached_property
     def experiment(self) -> Experiment:
         """All that the runs of a campaign share."""
+        from inscal.experiment import prepare
+
         _tell_of_compilation()
         return prepare(
             self.config.campaign.seed,
@@ -132,6 +160,8 @@ class Setup:
     @cached_property
     def warnings(self) -> list[str]:
         """Lines to see before a campaign: pairs of parameters that the schedule cannot separate."""
+        from inscal import schedule
+
         return [
             f"warning: schedule.rotations never shows {direction}: {a} and {b} cannot be told apart"
             for a, b, direction in schedule.weak_pairs(self.schedule)

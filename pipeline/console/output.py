@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import xarray as xr
-
 from pipeline.console import interrupts
 from pipeline.console.errors import DataError
 
@@ -91,12 +89,3 @@ def _each(change: Callable[[Any], Any], data: Any) -> Any:
     if isinstance(data, list | tuple):
         return [change(value) for value in data]
     return data
-
-
-def table_text(dataset: xr.Dataset) -> str:
-    """CSV text of the per-parameter variables of a dataset, six significant digits."""
-    table = dataset[[name for name, variable in dataset.data_vars.items() if variable.ndim == 1]]
-    frame = table.to_dataframe().reset_index()
-    leading = ["parameter", "unit"]
-    frame = frame[leading + [name for name in frame.columns if name not in leading]]
-    return frame.to_csv(index=False, float_format="%.6g")

@@ -9,7 +9,7 @@ import csv
 import hashlib
 import io
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,16 +21,13 @@ from inscal.kernel import LANES
 from inscal.parameters import COUNT, NAMES
 from inscal.regression import Sample
 from inscal.simulation import Workspace
-from pipeline.config.load import resolved
+from pipeline.config.load import resolved, run_settings
 from pipeline.config.schema import Config
 from pipeline.console.errors import DataError
 from pipeline.console.output import write_json, write_text
 
 RUNS = 128
 """Runs of the gate's campaign; a multiple of the kernels' lanes."""
-
-RUN_GROUPS = ("truth", "noise", "schedule", "site", "simulation", "estimator", "sensor")
-"""Groups that `pipeline.config.build.build_experiment` reads; the seed is all else."""
 
 # What sketches are in units of: noise of the size of the reference case. Fixed numbers, so that a
 # change of the noise is a change of the sketch.
@@ -42,12 +39,6 @@ _OBSERVATION_NOISE = np.repeat([0.001, 0.1], 3)
 def configuration_of(config: Config) -> dict[str, Any]:
     """What of a configuration makes the gate's campaign, seed included."""
     return run_settings(resolved(config))
-
-
-def run_settings(configuration: Mapping[str, Any]) -> dict[str, Any]:
-    """What of a configuration as stores and JSON have it makes the runs, seed included."""
-    groups = {name: configuration[name] for name in RUN_GROUPS}
-    return groups | {"seed": configuration["campaign"]["seed"]}
 
 
 def sample_of(experiment: Experiment) -> Sample:
@@ -152,18 +143,6 @@ def read_baseline(folder: Path) -> tuple[Sample, dict[str, Any]]:
         line = " ".join(str(error).split())
         raise DataError(f"{folder}: baseline cannot be read ({line})") from None
     return Sample(errors[:, 2:].copy(), covariance, errors[:, 0], errors[:, 1]), about
-
-
-def differences(old: dict[str, Any], new: dict[str, Any], prefix: str = "") -> list[str]:
-    """Keys of nested configurations that differ, with both values."""
-    lines = []
-    for key in sorted(old.keys() | new.keys()):
-        a, b = old.get(key), new.get(key)
-        if isinstance(a, dict) and isinstance(b, dict):
-            lines += differences(a, b, f"{prefix}{key}.")
-        elif a != b:
-            lines.append(f"{prefix}{key} = {a} -> {b}")
-    return lines
 
 
 def _csv_text(header: Sequence[str], rows: Iterable[np.ndarray]) -> str:

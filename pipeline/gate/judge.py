@@ -10,17 +10,12 @@ import numpy as np
 from inscal import regression
 from inscal.parameters import GROUPS
 from inscal.regression import Judgement, Sample
+from pipeline.config.load import differences
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import ConfigError, DataError
 from pipeline.gate import history
-from pipeline.gate.baseline import (
-    configuration_of,
-    differences,
-    read_baseline,
-    sample_of,
-    write_baseline,
-)
+from pipeline.gate.baseline import configuration_of, read_baseline, sample_of, write_baseline
 
 BASELINE = Path("results/baseline")
 """Folder of the committed baseline."""

@@ -17,10 +17,10 @@ import jinja2
 import vl_convert
 from markupsafe import Markup, escape
 
+from pipeline.config.load import run_settings
 from pipeline.config.schema import Config
 from pipeline.console.errors import ConfigError, DataError
 from pipeline.gate import history
-from pipeline.gate.baseline import run_settings
 from pipeline.gate.judge import BASELINE
 from pipeline.page import campaign as page_campaign
 from pipeline.page import data as page_data
@@ -32,7 +32,7 @@ from pipeline.page.data import Campaign
 from pipeline.page.parts import Section
 from pipeline.paper import claims as paper
 from pipeline.paper.pages import FOLDER as PAPER_FOLDER
-from pipeline.study import findings
+from pipeline.study import findings, names
 
 _TITLES = {
     "convergence": "How the sigmas converge",
@@ -42,7 +42,6 @@ _TITLES = {
     "schedules": "Campaigns against the first",
 }
 _STUDY_TITLE = "19 positions against 25"
-_NOISES = ("quiet", "reference", "noisy")
 _ACCURACY = PAPER_FOLDER / "accuracy.json"
 
 
@@ -87,12 +86,12 @@ def study(config: Config) -> Page:
     DataError
         If a result is missing.
     """
-    every = page_data.read_campaigns(config, [findings.RUNS / n for n in findings.CAMPAIGNS])
+    every = page_data.read_campaigns(config, [names.RUNS / n for n in names.CAMPAIGNS])
     by_name = {campaign.name: campaign for campaign in every}
-    main, one_pass = by_name[findings.MAIN], by_name[findings.ONE_PASS]
-    noises = [by_name[f"position25-{noise}"] for noise in _NOISES]
+    main, one_pass = by_name[names.MAIN], by_name[names.ONE_PASS]
+    levels = [by_name[name] for name in names.MAIN_LEVELS]
     comparisons = [
-        (title, findings.read_comparison(name)) for name, title in findings.COMPARISONS.items()
+        (title, findings.read_comparison(name)) for name, title in names.COMPARISONS.items()
     ]
     accuracy = findings.read_json(_ACCURACY, "paper_accuracy")
     return _page(
@@ -100,7 +99,7 @@ def study(config: Config) -> Page:
         [main, *(campaign for campaign in every if campaign is not main)],
         side_by_side=[main, one_pass],
         schedules=page_campaign.contest_section(_STUDY_TITLE, comparisons),
-        noise=page_study.noise(noises, accuracy["margins"]),
+        noise=page_study.noise(levels, accuracy["margins"]),
         paper_section=page_study.paper_section(paper.read_pages(PAPER_FOLDER), accuracy),
     )
 

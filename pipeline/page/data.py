@@ -16,13 +16,12 @@ from inscal.parameters import KIND_OF, NAMES
 from pipeline.campaign import store
 from pipeline.campaign.judged import as_json, comparison_of, summary_of
 from pipeline.charts import style
-from pipeline.config.load import config_of, load, resolved
+from pipeline.config.load import RUN_GROUPS, config_of, load, resolved
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError
 from pipeline.console.help import CONF
 from pipeline.console.output import json_data
-from pipeline.gate.baseline import RUN_GROUPS
 from pipeline.study import findings
 from pipeline.study import observability as observe
 

@@ -7,13 +7,12 @@ import yaml
 
 from pipeline.campaign import provenance
 from pipeline.campaign.provenance import NOT_RECORDED
-from pipeline.gate import baseline
+from pipeline.config.load import RUN_GROUPS, differences
 from pipeline.page.data import Campaign
 from pipeline.page.parts import Section, Table, cells
 from pipeline.words import markdown as md
 
-_ELSEWHERE = ("cluster", "effects", "laboratory")  # groups that no campaign's numbers depend on
-_ARGUMENTS = ("only_run", "out", "a", "b", "accept", "campaigns")
+_SHOWN = (*RUN_GROUPS, "campaign", "bounds")
 
 
 def section(campaigns: Sequence[Campaign]) -> Section:
@@ -38,7 +37,7 @@ def section(campaigns: Sequence[Campaign]) -> Section:
         )
     }
     for campaign in others:
-        lines = baseline.differences(settings, _settings(campaign))
+        lines = differences(settings, _settings(campaign))
         title = f"How {campaign.name} differs from {main.name}"
         texts[title] = "\n".join(lines) if lines else "in nothing"
     software = main.runs.attrs["software"]
@@ -56,8 +55,7 @@ def section(campaigns: Sequence[Campaign]) -> Section:
 
 
 def _settings(campaign: Campaign) -> dict[str, Any]:
-    hidden = (*_ELSEWHERE, *_ARGUMENTS)
-    return {key: value for key, value in campaign.configuration.items() if key not in hidden}
+    return {key: value for key, value in campaign.configuration.items() if key in _SHOWN}
 
 
 def _campaigns(campaigns: Sequence[Campaign]) -> Table:

@@ -14,35 +14,7 @@ from typing import Any
 from pipeline.campaign import store
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
-
-RUNS = Path("results/runs")
-"""Folder of the campaign stores."""
-
-MAIN = "position25-reference"
-ONE_PASS = "position25-reference-one_pass"
-PAPER_TRUTH = "position25-quiet-paper_truth"
-
-EQUAL_POSITION_TIME = "equal_position_time"
-EQUAL_TOTAL_TIME = "equal_total_time"
-
-CAMPAIGNS: tuple[str, ...] = (
-    "position25-quiet",
-    MAIN,
-    "position25-noisy",
-    "position19-quiet",
-    "position19-reference",
-    "position19-noisy",
-    "position19_equal_time-reference",
-    ONE_PASS,
-    PAPER_TRUTH,
-)
-"""Campaigns reported on, first those of each schedule and noise."""
-
-COMPARISONS: dict[str, str] = {
-    EQUAL_POSITION_TIME: "Equal position time",
-    EQUAL_TOTAL_TIME: "Equal total time",
-}
-"""Comparisons reported on, and their headings."""
+from pipeline.study.names import CAMPAIGNS, COMPARISONS, MAIN, PAPER_TRUTH, RUNS
 
 RATIO_BAND = (0.93, 1.10)
 """RMSE over predicted standard deviation of a parameter whose sigma is honest."""

@@ -7,13 +7,14 @@ from typing import Any
 from inscal.parameters import KIND_OF, KINDS, NAMES
 from pipeline.config.schema import KIND_KEYS
 from pipeline.study import findings
-from pipeline.study.findings import CAMPAIGNS, COMPARISONS, MAIN, ONE_PASS, Results, Summary
+from pipeline.study.findings import Results, Summary
+from pipeline.study.names import COMPARISONS, LEVELS, MAIN, MAIN_LEVELS, ONE_PASS
 from pipeline.words import markdown as md
 
 PATH = Path("results/report.md")
 PAGE = Path("results/report.html")
 
-_BY_NOISE = CAMPAIGNS[:6]
+_BY_NOISE = [name for level in LEVELS.values() for name in level]
 _QUADRATIC_TEXTS = {
     "pulse": "acts on pulse rates: 1e-9 s/pulse, which is {:g}e-9 s²/m on specific force",
     "si": "is read at face value: 1e-9 s²/m on specific force",
@@ -58,7 +59,7 @@ def _in_short(results: Results) -> str:
     all_checks = findings.checks(summaries)
     lines = [
         f"Requirements met: {sum(check.met for check in all_checks)} of {len(all_checks)}.",
-        *(_bounds_met(name, summaries[name]) for name in _BY_NOISE[:3]),
+        *(_bounds_met(name, summaries[name]) for name in MAIN_LEVELS),
         f"By the mean NEES the filter's own sigma is honest in {len(honest)} of {len(summaries)} "
         "campaigns" + (f", not in {md.codes(others)}." if others else "."),
         f"A single pass is {findings.honesty(one)}: mean NEES {one['nees_mean']:.1f} where "

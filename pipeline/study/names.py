@@ -1,0 +1,45 @@
+"""The study by name: which campaigns there are, and which of them answers what.
+
+All of it is read from ``conf/study.yaml``.
+"""
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from pipeline.console.help import CONF
+
+RUNS = Path("results/runs")
+"""Folder of the campaign stores."""
+
+
+@cache
+def study() -> Mapping[str, Any]:
+    """Content of ``conf/study.yaml``."""
+    return yaml.safe_load((CONF / "study.yaml").read_text())
+
+
+def role(name: str) -> str:
+    """Campaign that a question is asked of: main, one_pass, paper_truth or consistency."""
+    return study()["roles"][name]
+
+
+MAIN, ONE_PASS, PAPER_TRUTH = role("main"), role("one_pass"), role("paper_truth")
+"""Campaigns that verdicts speak of."""
+
+CAMPAIGNS: tuple[str, ...] = tuple(study()["reported"])
+"""Campaigns reported on, in their order."""
+
+LEVELS: Mapping[str, list[str]] = study()["levels"]
+"""Campaigns that differ in their noise alone, by schedule."""
+
+MAIN_LEVELS: Sequence[str] = LEVELS[study()["campaigns"][MAIN]["schedule"]]
+"""Those on the path of `MAIN`."""
+
+COMPARISONS: Mapping[str, str] = {
+    name: row["title"] for name, row in study()["comparisons"].items()
+}
+"""Comparisons reported on, and their headings."""
