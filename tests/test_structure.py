@@ -1,0 +1,80 @@
+"""The rules of the house, read from the source: rooms, doors, the wing, and what stages depend on."""
+
+import re
+from pathlib import Path
+
+import pytest
+import structure
+import yaml
+from structure import ROOMS, ROOT, WING, dependencies, doors, imports, modules, room
+
+# What no number of a stage depends on: it limits threads and answers --help.
+_PACKAGE = "pipeline"
+
+
+def stages_of_study() -> list[tuple[str, str, set[str]]]:
+    """Name, module and dependencies in code of every stage of ``dvc.yaml``."""
+    out = []
+    for name, stage in yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].items():
+        body = stage.get("do", stage)
+        module = re.search(r"python -m (\S+)", body["cmd"])[1]
+        code = {dep for dep in body["deps"] if dep.split("/")[0] in structure.PACKAGES}
+        out.append((name, module if module in doors() else f"{module}.__main__", code))
+    return out
+
+
+def test_every_module_is_in_a_room_or_a_door():
+    rooms = {room(module) for module in modules()} - {"inscal", "door"}
+    assert rooms == {*ROOMS}
+    for name in ROOMS:
+        assert (ROOT / "pipeline" / name / "__init__.py").read_text().startswith('"""')
+
+
+def test_imports_go_down():
+    order = {name: place for place, name in enumerate(("inscal", *ROOMS, "door"))}
+    wrong = [
+        f"{module} ({room(module)}) imports {other} ({room(other)})"
+        for module in modules()
+        if module != _PACKAGE
+        for other in imports(module) - {_PACKAGE}
+        if order[room(other)] > order[room(module)]
+    ]
+    assert wrong == []
+
+
+def test_no_circle():
+    assert structure.circles() == []
+
+
+def test_nobody_imports_a_door():
+    taken = {module: imports(module) & {*doors()} for module in modules()}
+    assert {module: found for module, found in taken.items() if found} == {}
+
+
+def test_doors_are_short():
+    long = {door: structure.lines([modules()[door]]) for door in doors()}
+    assert {door: count for door, count in long.items() if count > 110} == {}
+
+
+def test_files_can_be_read_in_one_go():
+    paths = [*modules().values(), *(ROOT / "tests").rglob("*.py")]
+    long = {str(path.relative_to(ROOT)): structure.lines([path]) for path in paths}
+    assert {path: count for path, count in long.items() if count > 410} == {}
+
+
+def test_the_product_takes_nothing_of_the_wing():
+    product = [m for m in modules() if room(m) != WING and not Path(m).name.startswith("pipeline.paper")]
+    assert [m for m in product if any(room(other) == WING for other in imports(m))] == []
+
+
+@pytest.mark.parametrize(("name", "door", "code"), stages_of_study(), ids=lambda v: str(v)[:20])
+def test_a_stage_depends_on_all_that_it_imports(name, door, code):
+    assert code == dependencies(door), name
+
+
+def test_structure_is_printed(capsys):
+    structure.main()
+    out = capsys.readouterr().out
+    assert "circles: none" in out
+    assert "doors imported: none" in out
+    assert all(name in out for name in ROOMS)
