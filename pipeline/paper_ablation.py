@@ -11,10 +11,11 @@ from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.output import write_text
 from pipeline.console.progress import track
+from pipeline.paper import claims
 from pipeline.paper.ablation import TRUTHS, ablation_of, table
 from pipeline.paper.ablation_figure import ablation_figure
-from pipeline.paper.ablation_text import ablation_text
-from pipeline.paper.pages import FOLDER
+from pipeline.paper.ablation_text import ablation_text, judge
+from pipeline.paper.claims import FOLDER
 from pipeline.study import names
 
 
@@ -26,6 +27,7 @@ def main(config: Config) -> None:
         for truth, name in track(TRUTHS.items(), "filters of fewer states")
     }
     style.save(ablation_figure(ablations), FOLDER / "ablation.png")
+    claims.write("ablation", judge(ablations))
     for name, text in (
         ("ablation.md", ablation_text(config, ablations)),
         ("ablation.csv", table(ablations)),

@@ -2,8 +2,8 @@
 
 Usage: ``python -m pipeline.paper_accuracy truth=paper campaign.store=STORE``
 
-Writes ``results/paper/accuracy.md``, ``.json`` and ``.png``. The campaign must have the paper's
-truth; the sweeps of noise start from the configured one.
+Writes ``results/paper/accuracy.md``, ``.json`` and ``.png``, and its claims. The campaign must have
+the paper's truth; the sweeps of noise start from the configured one.
 
 For example::
 
@@ -24,7 +24,13 @@ from pipeline.paper.pages import write_page
 def main(config: Config) -> None:
     """Write the report, its numbers and its figure."""
     study = study_of(config)
-    write_page("accuracy", report.text(study), report.numbers(study), report.figure(study))
+    write_page(
+        "accuracy",
+        report.text(study),
+        report.claims_of(study),
+        report.numbers(study),
+        report.figure(study),
+    )
 
 
 if __name__ == "__main__":

@@ -2,8 +2,9 @@
 
 Usage: ``python -m pipeline.paper_convergence truth=paper estimator=one_pass campaign.runs=96``
 
-Writes ``results/paper/convergence.md``, ``.json`` and ``.png``: the errors over time of one run and
-the percentiles of several, of the first pass alone, which is the classical filter.
+Writes ``results/paper/convergence.md``, ``.json`` and ``.png``, and its claims: the errors over
+time of one run and the percentiles of several, of the first pass alone, which is the classical
+filter.
 
 For example::
 
@@ -26,6 +27,7 @@ def main(config: Config) -> None:
     write_page(
         "convergence",
         convergence.text(study),
+        convergence.claims_of(study),
         convergence.numbers(study),
         convergence.figure(study),
     )

@@ -2,7 +2,7 @@
 
 Usage: ``python -m pipeline.paper_effects [effects.vibration_rms_g=...]``
 
-Writes ``results/paper/effects.md``, ``.json`` and ``.png``.
+Writes ``results/paper/effects.md``, ``.json`` and ``.png``, and its claims.
 
 For example::
 
@@ -20,7 +20,13 @@ from pipeline.paper.pages import write_page
 def main(config: PaperConfig) -> None:
     """Write the report, its numbers and its figure."""
     study = effects.study_of(config)
-    write_page("effects", effects.text(study), effects.numbers(study), effects.figure(study))
+    write_page(
+        "effects",
+        effects.text(study),
+        effects.claims_of(study),
+        effects.numbers(study),
+        effects.figure(study),
+    )
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 Usage: ``python -m pipeline.paper_laboratory estimator=laboratory``
 
-Writes ``results/paper/laboratory.md``, ``.json`` and ``.png``.
+Writes ``results/paper/laboratory.md``, ``.json`` and ``.png``, and its claims.
 
 For example::
 
@@ -21,7 +21,13 @@ from pipeline.paper.pages import write_page
 def main(config: PaperConfig) -> None:
     """Write the report, its numbers and its figure."""
     study = study_of(config)
-    write_page("laboratory", report.text(study), report.numbers(study), report.figure(study))
+    write_page(
+        "laboratory",
+        report.text(study),
+        report.claims_of(study),
+        report.numbers(study),
+        report.figure(study),
+    )
 
 
 if __name__ == "__main__":

@@ -12,10 +12,9 @@ from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.output import write_text
 from pipeline.console.progress import busy
-from pipeline.paper.pages import FOLDER
-from pipeline.paper.quadratic_text import quadratic_text
+from pipeline.paper import claims, quadratic_text, structure_text
+from pipeline.paper.claims import FOLDER
 from pipeline.paper.structure import SEARCHED, Structure, rank_table, readings_of, structure_of
-from pipeline.paper.structure_text import observability_text
 from pipeline.paper.tables import TABLE_2_RANKS
 from pipeline.study.observability import CONVENTIONS, share_table
 
@@ -34,9 +33,11 @@ def main(config: Config) -> None:
     with busy("ranks and sigmas along the path"):
         structure, readings = structure_of(config), readings_of(config)
     write_figures(config, structure)
+    claims.write("observability", structure_text.judge(structure))
+    claims.write("quadratic_unit", quadratic_text.judge(config, readings))
     texts = {
-        "observability.md": observability_text(config, structure),
-        "quadratic_unit.md": quadratic_text(config, readings),
+        "observability.md": structure_text.observability_text(config, structure),
+        "quadratic_unit.md": quadratic_text.quadratic_text(config, readings),
         "ranks.csv": rank_table(structure),
         "sigma_by_position.csv": share_table(structure.full),
     }

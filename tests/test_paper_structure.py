@@ -53,8 +53,9 @@ def fake_ranks(sequence):
 def test_all_postures_and_turns_are_the_papers(structure):
     assert len(structure.rows) == 25
     assert all(row.agrees for row in structure.rows)
-    assert text.path_verdict(structure) == ("25 of 25 rows agree", "met")
-    assert text.head_verdict(structure)[1] == "met"
+    assert text.path_verdict(structure).found == "25 of 25 rows agree"
+    assert text.path_verdict(structure).word == "met"
+    assert text.head_verdict(structure).word == "met"
 
 
 def test_another_path_does_not_agree(structure):
@@ -64,17 +65,17 @@ def test_another_path_does_not_agree(structure):
     rows = table_1(changed)
     assert [row.agrees for row in rows[:7]] == [True] * 6 + [False]
     assert not rows[7].agrees
-    assert text.path_verdict(replace(structure, rows=rows))[1] == "**not met**"
+    assert text.path_verdict(replace(structure, rows=rows)).word == "not met"
 
 
 def test_table_2_cannot_be_judged_for_no_convention_gives_it_by_both_counts(structure):
-    found, verdict = text.table_verdict(structure)
-    assert "at most 21 of 25" in found
-    assert verdict.startswith("cannot be judged, because")
+    verdict = text.table_verdict(structure)
+    assert "at most 21 of 25" in verdict.found
+    assert verdict.word.startswith("cannot be judged, because")
     assert structure.counts[SEARCHED].agreeing == (24, 23)
     exact = fake_ranks(TABLE_2_RANKS)
     better = replace(structure, counts={**structure.counts, "new": Count(exact, exact)})
-    assert text.table_verdict(better)[1] == "met"
+    assert text.table_verdict(better).word == "met"
 
 
 def test_dwell_of_the_searched_convention_decides_its_agreement(structure):
@@ -85,13 +86,13 @@ def test_dwell_of_the_searched_convention_decides_its_agreement(structure):
 
 
 def test_added_turns_are_not_needed_for_rank_unless_numbers_say_so(structure):
-    found, verdict = text.added_turns_verdict(structure)
-    assert "from position 7 on" in found
-    assert verdict == "**not met**"
+    verdict = text.added_turns_verdict(structure)
+    assert "from position 7 on" in verdict.found
+    assert verdict.word == "not met"
     late = fake_ranks([33] * 20 + [36] * 5)
     counts = {**structure.counts, "turns on gyros and lever arms": Count(late, late)}
-    assert text.added_turns_verdict(replace(structure, counts=counts))[1] == "met"
-    assert text.complete_verdict(structure)[1] == "met"
+    assert text.added_turns_verdict(replace(structure, counts=counts)).word == "met"
+    assert text.complete_verdict(structure).word == "met"
 
 
 def test_sequences_are_written_with_repetitions():
@@ -102,11 +103,11 @@ def test_bound_of_quadratic_terms_is_out_of_reach_in_si():
     config = load([])
     bound, readings = Setup(config).bound, readings_of(config)
     verdicts = {
-        key: paper_quadratic_text.bound_verdict(course, bound)[1]
+        key: paper_quadratic_text.bound_verdict(course, bound).word
         for key, course in readings.items()
     }
     assert verdicts["pulse", "reference"] == verdicts["pulse", "quiet"] == "met"
-    assert verdicts["si", "reference"] == verdicts["si", "quiet"] == "**not met**"
+    assert verdicts["si", "reference"] == verdicts["si", "quiet"] == "not met"
     quadratic = INDEX["accel_quadratic"]
     np.testing.assert_allclose(
         readings["pulse", "reference"].final_std[quadratic], [0.0188, 0.0186, 0.0229], rtol=0.01
@@ -119,7 +120,14 @@ def test_stage_writes_its_pages_and_nothing_else(tmp_path, monkeypatch):
     ended = run_stage(paper_structure)
     assert (ended.code, ended.err) == (0, "")
     written = sorted(str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file())
-    names = ("observability.md", "quadratic_unit.md", "ranks.csv", "ranks.png")
+    names = (
+        "claims/observability.json",
+        "claims/quadratic_unit.json",
+        "observability.md",
+        "quadratic_unit.md",
+        "ranks.csv",
+        "ranks.png",
+    )
     names += ("sigma_by_position.csv", "sigma_by_position.png")
     assert written == [f"results/paper/{name}" for name in names]
     page = (tmp_path / "results/paper/observability.md").read_text()
@@ -136,7 +144,7 @@ def test_leaving_out_states_costs_accuracy(small):
     cost = {end: reduced.cost.lower[bias] for end, reduced in found.reduced.items()}
     assert cost["states33_lever_arm"] > 20 * cost["states33_quadratic"] > 20
     assert cost["states30"] > 20 * cost["states33_quadratic"]
-    verdicts = [paper_ablation_text.verdict(r)[1] for r in found.reduced.values()]
+    verdicts = [paper_ablation_text.verdict("a claim", r).word for r in found.reduced.values()]
     assert all(verdict.startswith("met") for verdict in verdicts)
 
 
@@ -179,7 +187,7 @@ def test_verdict_follows_the_intervals(small):
         }
     )
     other = replace(reduced, comparison=inverted, heaviest=0.0)
-    assert paper_ablation_text.verdict(other)[1] == "**not met**"
+    assert paper_ablation_text.verdict("a claim", other).word == "not met"
 
 
 def test_one_run_that_decides_the_rmse_hands_judgement_to_medians(small):

@@ -63,7 +63,9 @@ def test_files_can_be_read_in_one_go():
 
 
 def test_the_product_takes_nothing_of_the_wing():
-    product = [m for m in modules() if room(m) != WING and not Path(m).name.startswith("pipeline.paper")]
+    product = [
+        m for m in modules() if room(m) != WING and not Path(m).name.startswith("pipeline.paper")
+    ]
     assert [m for m in product if any(room(other) == WING for other in imports(m))] == []
 
 

@@ -15,9 +15,9 @@ from pipeline.page import data as page_data
 from pipeline.page.charts import Rows, Spec
 from pipeline.page.data import Campaign, Course
 from pipeline.page.parts import Picture, Section
-from pipeline.paper.tables import TABLE_1_ROTATIONS, TABLE_2_RANKS
 from pipeline.study import findings
 from pipeline.study import observability as observe
+from pipeline.study.claims import Claims
 from pipeline.study.findings import ENOUGH, RATIO_BAND, Summary
 from pipeline.words import markdown as md
 
@@ -180,8 +180,19 @@ _OTHER_VERSION = (
 )
 
 
-def observability(config: Config) -> Section:
-    """Make the section of ranks and sigmas after each position."""
+def observability(config: Config, wing: Claims | None) -> Section:
+    """Make the section of ranks and sigmas after each position.
+
+    Parameters
+    ----------
+    config : Config
+    wing : Claims or None
+        Has the paper's ranks, shown beside those of a path that begins as the paper's.
+
+    Returns
+    -------
+    Section
+    """
     rows: list[dict[str, Any]] = []
     lasts = []
     for name in _STAIRS:
@@ -191,12 +202,9 @@ def observability(config: Config) -> Section:
         where = f" from position {full[0] + 1} on" if len(full) else " at the end"
         lasts.append(f"{counts[-1]} of {STATES}{where} with {name}")
     series = list(_STAIRS)
-    own = [(float(angle), axis) for angle, axis in config.schedule.rotations]
-    if own == [(float(angle), axis) for angle, axis in TABLE_1_ROTATIONS[: len(own)]] and len(
-        own
-    ) < len(TABLE_2_RANKS):
+    ranks = _paper_ranks(config, wing) if wing else ()
+    if ranks:
         series.append("the paper's Table 2")
-        ranks = TABLE_2_RANKS[: len(own) + 1]
         rows += [{"by": series[-1], "position": n + 1, "rank": r} for n, r in enumerate(ranks)]
         lasts.append(f"{ranks[-1]} in the paper")
     stairs = Picture(
@@ -208,6 +216,13 @@ def observability(config: Config) -> Section:
         "What each position makes observable",
         pictures=(stairs, _share_picture(page_data.sigma_share(config))),
     )
+
+
+def _paper_ranks(config: Config, wing: Claims) -> Sequence[int]:
+    """Give the paper's ranks along a path; none if it is not the paper's or its head."""
+    own, paper = config.schedule.rotations, wing.rotations
+    same = len(own) < len(wing.ranks) and [*map(tuple, own)] == [*map(tuple, paper[: len(own)])]
+    return wing.ranks[: len(own) + 1] if same else ()
 
 
 def _share_picture(share: np.ndarray) -> Picture:

@@ -30,9 +30,8 @@ from pipeline.page import verdict as page_verdict
 from pipeline.page.charts import THEME
 from pipeline.page.data import Campaign
 from pipeline.page.parts import Section
-from pipeline.paper import claims as paper
-from pipeline.paper.pages import FOLDER as PAPER_FOLDER
-from pipeline.study import findings, names
+from pipeline.study import claims, findings, names
+from pipeline.study.claims import Claims
 
 _TITLES = {
     "convergence": "How the sigmas converge",
@@ -42,7 +41,10 @@ _TITLES = {
     "schedules": "Campaigns against the first",
 }
 _STUDY_TITLE = "19 positions against 25"
-_ACCURACY = PAPER_FOLDER / "accuracy.json"
+_NO_WING = (
+    f"Left out: there is no `{claims.PATH}`, which the reproduction of a paper leaves with its "
+    "claims."
+)
 
 
 @dataclass(frozen=True)
@@ -93,14 +95,15 @@ def study(config: Config) -> Page:
     comparisons = [
         (title, findings.read_comparison(name)) for name, title in names.COMPARISONS.items()
     ]
-    accuracy = findings.read_json(_ACCURACY, "paper_accuracy")
+    wing = claims.read()
     return _page(
         "Calibration by Monte Carlo",
         [main, *(campaign for campaign in every if campaign is not main)],
         side_by_side=[main, one_pass],
         schedules=page_campaign.contest_section(_STUDY_TITLE, comparisons),
-        noise=page_study.noise(levels, accuracy["margins"]),
-        paper_section=page_study.paper_section(paper.read_pages(PAPER_FOLDER), accuracy),
+        noise=page_study.noise(levels, wing),
+        paper_section=page_study.paper_section(wing) if wing else _left_out_paper(_NO_WING),
+        wing=wing,
     )
 
 
@@ -134,7 +137,8 @@ def campaigns(config: Config, paths: Sequence[str]) -> Page:
         side_by_side=every,
         schedules=_against_first(every),
         noise=page_study.noise(every if _differ_in_noise(every) else [], None),
-        paper_section=Section("paper", _TITLES["paper"], left_out=reason),
+        paper_section=_left_out_paper(reason),
+        wing=claims.read(),
     )
 
 
@@ -146,6 +150,7 @@ def _page(
     schedules: Section,
     noise: Section,
     paper_section: Section,
+    wing: Claims | None,
 ) -> Page:
     main = every[0]
     made_with, reason = page_data.config_or_reason(main)
@@ -153,7 +158,7 @@ def _page(
     if made_with and course:
         from_config = [
             page_campaign.convergence(main, course),
-            page_campaign.observability(made_with),
+            page_campaign.observability(made_with, wing),
             page_study.accuracy_history(history.read(BASELINE), main, made_with),
         ]
     else:
@@ -179,6 +184,10 @@ def _page(
             charts |= picture.charts
     notes = [note for note in map(page_data.unfinished, every) if note]
     return Page(title, page_verdict.headline(main.summary), notes, sections, charts, panels)
+
+
+def _left_out_paper(reason: str) -> Section:
+    return Section("paper", _TITLES["paper"], left_out=reason)
 
 
 def _against_first(every: Sequence[Campaign]) -> Section:

@@ -14,9 +14,8 @@ from pipeline.page import charts as page_charts
 from pipeline.page.data import Campaign, rounded
 from pipeline.page.parts import Cell, Picture, Section, Table, cells
 from pipeline.page.verdict import look
-from pipeline.paper import claims as paper
-from pipeline.paper.noise import SCALES
 from pipeline.study import findings
+from pipeline.study.claims import Claims
 from pipeline.study.findings import RATIO_BAND
 from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
 from pipeline.words import markdown as md
@@ -25,15 +24,15 @@ _QUANTILE = "abs_error_p997"
 _LIMITS = {"gyro": "gyro noise", "accel": "accelerometer noise"}
 
 
-def noise(campaigns: Sequence[Campaign], margins: Mapping[str, Any] | None) -> Section:
+def noise(campaigns: Sequence[Campaign], wing: Claims | None) -> Section:
     """Make the section of what noise does to the bounds.
 
     Parameters
     ----------
     campaigns : sequence of Campaign
         That differ in their noise alone; the picture needs two.
-    margins : mapping or None
-        By kind, of ``results/paper/accuracy.json``.
+    wing : Claims or None
+        Has the margins, if there is any.
 
     Returns
     -------
@@ -42,8 +41,8 @@ def noise(campaigns: Sequence[Campaign], margins: Mapping[str, Any] | None) -> S
     pictures = []
     if len(campaigns) > 1:
         pictures.append(_noise_picture(campaigns))
-    if margins is not None:
-        pictures.append(_margin_picture(margins))
+    if wing:
+        pictures.append(_margin_picture(wing.margins, wing.largest_noise))
     reason = "" if pictures else "Left out: no two of the campaigns differ in their noise alone."
     return Section(
         "noise", "How much noise the bounds can bear", pictures=pictures, left_out=reason
@@ -75,13 +74,12 @@ def _noise_picture(campaigns: Sequence[Campaign]) -> Picture:
     return Picture(sentence, {"noise": spec})
 
 
-def _margin_picture(margins: Mapping[str, Mapping[str, float]]) -> Picture:
-    largest = float(SCALES[-1])
+def _margin_picture(margins: Mapping[str, Mapping[str, float]], largest: float) -> Picture:
     smallest = min(v for row in margins.values() for v in row.values() if v > 0.0) / 2.0
     rows = []
     for kind, row in margins.items():
         for sensor, text in _LIMITS.items():
-            factor = _margin(row[sensor])
+            factor = row[sensor]
             label = "none" if factor == 0.0 else f"over {largest:g}" if factor > largest else ""
             value = min(max(factor, smallest), largest)
             place = {"kind": _words(kind), "series": text, "label": label}
@@ -93,9 +91,9 @@ def _margin_picture(margins: Mapping[str, Mapping[str, float]]) -> Picture:
         series=list(_LIMITS.values()),
         axis="largest noise / configured noise",
     )
-    least = min(margins, key=lambda kind: _margin(margins[kind]["gyro"]))
-    tight = _margin(margins[least]["gyro"])
-    failing = sum(_margin(row["gyro"]) < 1.0 for row in margins.values())
+    least = min(margins, key=lambda kind: margins[kind]["gyro"])
+    tight = margins[least]["gyro"]
+    failing = sum(row["gyro"] < 1.0 for row in margins.values())
     sentence = (
         "The largest noise of one sensor, the other's unchanged, at which each bound holds in "
         f"{100 * findings.ENOUGH:g} % of runs by the predicted sigma: the least gyro noise is "
@@ -106,53 +104,35 @@ def _margin_picture(margins: Mapping[str, Mapping[str, float]]) -> Picture:
     return Picture(sentence, {"margins": spec})
 
 
-def _margin(factor: float) -> float:
-    return math.inf if math.isnan(factor) else factor  # older files have no infinity
-
-
 def _words(kind: str) -> str:
     return kind.replace("_", " ")
 
 
-def paper_section(pages: Mapping[str, str], accuracy: Mapping[str, Any]) -> Section:
+def paper_section(wing: Claims) -> Section:
     """Make the section that puts the paper's claims and estimates beside ours.
 
     Parameters
     ----------
-    pages : mapping of str to str
-        Of `pipeline.paper.read_pages`.
-    accuracy : mapping
-        ``results/paper/accuracy.json``.
+    wing : Claims
 
     Returns
     -------
     Section
     """
     tables, words = [], Counter[str]()
-    for text in pages.values():
-        heading, *rows = [_split(line) for line in paper.first_table(text)]
-        found = [_claim(row) for row in rows[1:]]
-        for row in found:
-            words.update(w for w in (MET, NOT_MET, UNDECIDED) if row[-1].text.startswith(w))
-        title = text.splitlines()[0].removeprefix("# ")
-        tables.append(Table(title, heading, found, len(heading)))
+    for page in wing.judged:
+        for *_, verdict in page.rows:
+            words.update(w for w in (MET, NOT_MET, UNDECIDED) if verdict.startswith(w))
+        rows = [[*cells(row[:-1]), Cell(row[-1], look=look(row[-1]))] for row in page.rows]
+        tables.append(Table(page.title, page.headings, rows, len(page.headings)))
     counts = ", ".join(f"{words[word]} {word}" for word in (MET, NOT_MET, UNDECIDED))
     return Section(
         "paper",
         "The paper, side by side",
         lines=(f"Of {words.total()} claims judged: {counts}.",),
-        pictures=[_paper_picture(accuracy["parameters"])],
-        tables=[*tables, _table_3(accuracy["parameters"])],
+        pictures=[_paper_picture(wing.estimates)],
+        tables=[*tables, _table_3(wing.estimates)],
     )
-
-
-def _claim(texts: Sequence[str]) -> list[Cell]:
-    *row, verdict = (text.replace("**", "") for text in texts)
-    return [*map(Cell, row), Cell(verdict, look=look(verdict))]
-
-
-def _split(line: str) -> list[str]:
-    return [cell.strip() for cell in line.strip().strip("|").split("|")]
 
 
 def _paper_picture(table: Mapping[str, Mapping[str, float]]) -> Picture:

@@ -8,8 +8,10 @@ import xarray as xr
 from inscal.parameters import NAMES
 from pipeline.charts import style
 from pipeline.config.schema import Config
+from pipeline.paper import claims
 from pipeline.paper.ablation import FULL, MODELS, Ablation, Reduced
 from pipeline.study import findings
+from pipeline.study.verdict import MET, NOT_MET, Verdict
 from pipeline.words import markdown as md
 
 _OMITTED = {
@@ -36,7 +38,7 @@ def ablation_text(config: Config, ablations: Mapping[str, Ablation]) -> str:
     """
     first = next(iter(ablations.values())).full
     sections = [
-        "# What it costs to leave out quadratic terms and lever arms",
+        f"# {judge(ablations).title}",
         "The paper adds six states, three quadratic terms of the accelerometers and three inner "
         "lever arms, to a classic filter of 30, and claims that calibration becomes more accurate. "
         "Here the same simulated records, with all 27 sensor errors in them, go through filters of "
@@ -44,7 +46,7 @@ def ablation_text(config: Config, ablations: Mapping[str, Ablation]) -> str:
         f"{style.noise_text(first.attrs['noise'])}. Runs are paired, so the ratios are of the same "
         "calibrations. A parameter that a filter does not model is estimated as zero: its error is "
         "minus its true value.",
-        _claims(ablations),
+        judge(ablations).table,
         "![RMSE of each filter over that of 36 states](ablation.png)",
         "Lines are intervals that hold for all parameters of a filter at once; significant is what "
         "they leave no doubt of. Where a single nearly diverged run makes up much of a mean square "
@@ -78,27 +80,26 @@ def _reading(ablations: Mapping[str, Ablation]) -> str:
     )
 
 
-def _claims(ablations: Mapping[str, Ablation]) -> str:
-    rows = [
-        (f"with {truth}: leaving out {omitted} costs accuracy", *verdict(ablation.reduced[end]))
+def judge(ablations: Mapping[str, Ablation]) -> claims.Page:
+    """Verdicts on what each filter of fewer states costs, by truth."""
+    found = [
+        verdict(f"with {truth}: leaving out {omitted} costs accuracy", ablation.reduced[end])
         for truth, ablation in ablations.items()
         for end, omitted in _OMITTED.items()
     ]
-    return md.table(("claim", "ours", "verdict"), rows, 3)
+    title = "What it costs to leave out quadratic terms and lever arms"
+    return claims.page_of(title, found, ("claim", "ours", "verdict"), bold=(NOT_MET,))
 
 
-def verdict(reduced: Reduced) -> tuple[str, str]:
-    """Judge whether a filter of fewer states is worse: what was found, and the verdict."""
+def verdict(claim: str, reduced: Reduced) -> Verdict:
+    """Judge a claim that a filter of fewer states is worse."""
     worse, better = int(reduced.worse.sum()), int(reduced.better.sum())
     found = (
         f"of the {int(reduced.modelled.sum())} parameters it models {worse} significantly worse, "
         f"{better} better; {_largest_text(reduced)}"
     )
-    if worse > 0 and better == 0:
-        return found, "met"
-    if worse > better:
-        return found, "met on balance, not throughout"
-    return found, "**not met**"
+    balance = f"{MET} on balance, not throughout" if worse > better else NOT_MET
+    return Verdict(claim, found, MET if worse > 0 and better == 0 else balance)
 
 
 def _largest_text(reduced: Reduced) -> str:

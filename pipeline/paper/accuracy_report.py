@@ -7,6 +7,7 @@ from inscal.parameters import KIND_OF, KINDS, NAMES, UNITS
 from pipeline.charts import style
 from pipeline.config.setup import Setup
 from pipeline.console.output import json_text
+from pipeline.paper import claims
 from pipeline.paper.accuracy_study import Checked, Study, kind_probability
 from pipeline.paper.noise import LEVEL, SCALES, SIGMAS
 from pipeline.study import verdict as verdicts
@@ -18,13 +19,18 @@ _ALIKE, _CORRELATED = (0.5, 2.0), 0.5  # sizes and correlation of errors of one 
 _PAPER_COLOR = style.NOISE_COLORS["noisy"]
 
 
+def claims_of(study: Study) -> claims.Page:
+    """Give the verdicts as the claims of the page."""
+    return claims.page_of("The simulated calibration of the paper (Table 3)", judge(study))
+
+
 def text(study: Study) -> str:
     """Compose the report in Markdown."""
     sections = (
-        "# The simulated calibration of the paper (Table 3)",
+        f"# {claims_of(study).title}",
         _setup(study),
         "## Is it reproduced?",
-        verdicts.table(judge(study)),
+        claims_of(study).table,
         "## Truth and estimates",
         _table(study),
         "![Errors of both against the bounds](accuracy.png)",
@@ -227,11 +233,7 @@ def numbers(study: Study) -> str:
         "noise_factor_other_95": found.other_range,
         "chi_square": found.chi_square,
         "kind_probability": kind_probability(study.paper_error, found.sigma),
-        # JSON has no infinity
-        "margins": {
-            kind: {k: v if np.isfinite(v) else None for k, v in vars(margin).items()}
-            for kind, margin in study.margins.items()
-        },
+        "margins": {kind: vars(margin) for kind, margin in study.margins.items()},
         "checked": [vars(checked) for checked in study.checked],
         "parameters": {
             name: {

@@ -1,8 +1,22 @@
-"""One page of all claims of the paper and what became of them."""
+"""The claims of every page: verdicts kept as data, and the page and the file made of them all."""
 
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from pipeline.console.errors import DataError
+from pipeline.console.output import write_json
+from pipeline.paper.noise import SCALES
+from pipeline.paper.tables import TABLE_1_ROTATIONS, TABLE_2_RANKS
+from pipeline.study import claims, findings
+from pipeline.study.claims import Judged
+from pipeline.study.verdict import MET, NOT_MET, UNDECIDED, Verdict
+from pipeline.words import markdown as md
+from pipeline.words.render import render
+
+FOLDER = Path("results/paper")
+TEMPLATES = Path(__file__).parent / "templates"
 
 PAGES = (
     "observability",
@@ -15,56 +29,117 @@ PAGES = (
 )
 """Pages in the order of the paper's sections."""
 
-_INTRODUCTION = """\
-# The paper, reproduced
-
-A systematic calibration of a ring-laser-gyro inertial navigation system with a 36-state Kalman
-filter on a 25-position path, which adds the accelerometers' quadratic terms and the inner lever arm
-to the classic 30 states: every table and figure of that paper, made again by this code. Each claim
-stands here with what was found and a verdict that follows from the numbers; the pages have the
-tables, figures, intervals and conventions. The paper gives no noise, site, rates or timing; ours
-are those of `conf/`, and a page names them where they matter.
-"""
+_ALL = (MET, NOT_MET, UNDECIDED)
 
 
-def first_table(text: str) -> list[str]:
-    """Lines of the first Markdown table of a page, shape and all."""
-    lines = text.splitlines()
-    start = next((i for i, line in enumerate(lines) if line.startswith("|")), len(lines))
-    end = next((i for i in range(start, len(lines)) if not lines[i].startswith("|")), len(lines))
-    return lines[start:end]
+@dataclass(frozen=True)
+class Page(Judged):
+    """Claims of one page as its stage leaves them.
+
+    Attributes
+    ----------
+    bold : sequence of str
+        Verdicts set in bold type, by how they begin.
+    """
+
+    bold: Sequence[str] = _ALL
+
+    @property
+    def table(self) -> str:
+        """Markdown table of the claims."""
+        rows = [[*row, self._set(word)] for *row, word in self.rows]
+        return md.table(self.headings, rows, len(self.headings))
+
+    def _set(self, word: str) -> str:
+        return f"**{word}**" if word.startswith(tuple(self.bold)) else word
 
 
-def page_of_claims(pages: dict[str, str]) -> str:
-    """Compose the page.
+def page_of(
+    title: str,
+    verdicts: Iterable[Verdict],
+    headings: Sequence[str] = ("claim", "found", "verdict"),
+    bold: Sequence[str] = _ALL,
+) -> Page:
+    """Make the claims of a page of its verdicts.
 
     Parameters
     ----------
-    pages : dict of str to str
-        Text of each page by name, its heading in the first line.
+    title : str
+    verdicts : iterable of Verdict
+    headings : sequence of str
+    bold : sequence of str
+        Verdicts set in bold type, by how they begin.
+
+    Returns
+    -------
+    Page
+    """
+    return Page(title, headings, [(v.claim, v.found, v.word) for v in verdicts], bold)
+
+
+def path_of(name: str) -> Path:
+    """File that keeps the claims of a page."""
+    return FOLDER / "claims" / f"{name}.json"
+
+
+def write(name: str, page: Page) -> None:
+    """Keep the claims of a page."""
+    write_json(path_of(name), asdict(page))
+
+
+def read_pages() -> dict[str, Page]:
+    """Read the claims of all pages.
+
+    Raises
+    ------
+    DataError
+        If those of one are missing or of another form.
+    """
+    return {name: _read(path_of(name)) for name in PAGES}
+
+
+def _read(path: Path) -> Page:
+    try:
+        return Page(**json.loads(path.read_text()))
+    except FileNotFoundError:
+        raise DataError(f"{path}: not found; make it with dvc repro paper") from None
+    except (OSError, ValueError, TypeError):
+        raise DataError(f"{path}: cannot be read; make it anew with dvc repro paper") from None
+
+
+def page_of_claims(pages: Mapping[str, Page]) -> str:
+    """Compose the page of all claims.
+
+    Parameters
+    ----------
+    pages : mapping of str to Page
+        By name.
 
     Returns
     -------
     str
         Markdown.
     """
-    parts = [_INTRODUCTION]
-    for name, text in pages.items():
-        heading = text.splitlines()[0].removeprefix("# ")
-        claims = "\n".join(first_table(text))
-        parts.append(f"## {heading}\n\n{claims}\n\nIn full: [{name}.md]({name}.md)\n")
-    return "\n".join(parts)
+    return render(TEMPLATES, "README.md.jinja", pages=pages)
 
 
-def read_pages(folder: Path) -> dict[str, str]:
-    """Text of the pages.
+def claims_for_report(pages: Mapping[str, Page]) -> claims.Claims:
+    """Put together what the report takes of the reproduction.
 
     Raises
     ------
     DataError
-        If one is missing.
+        If the numbers of Table 3 are missing.
     """
-    missing = [name for name in PAGES if not (folder / f"{name}.md").exists()]
-    if missing:
-        raise DataError(f"{folder}/{missing[0]}.md: not found; make it with dvc repro paper")
-    return {name: (folder / f"{name}.md").read_text() for name in PAGES}
+    accuracy = findings.read_json(FOLDER / "accuracy.json", "paper_accuracy")
+    keys = ("unit", "truth", "paper_estimate", "one_run", "mean", "rmse")
+    return claims.Claims(
+        judged=[Judged(page.title, page.headings, page.rows) for page in pages.values()],
+        estimates={
+            name: {key: row[key] for key in keys} for name, row in accuracy["parameters"].items()
+        },
+        margins=accuracy["margins"],
+        largest_noise=float(SCALES[-1]),
+        rotations=TABLE_1_ROTATIONS,
+        ranks=TABLE_2_RANKS,
+    )

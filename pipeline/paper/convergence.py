@@ -14,6 +14,7 @@ from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import ConfigError
 from pipeline.console.output import json_text
+from pipeline.paper import claims
 from pipeline.paper import values as paper_values
 from pipeline.study import verdict as verdicts
 from pipeline.study.verdict import Verdict
@@ -147,6 +148,13 @@ def _times(times: list[float]) -> str:
     return md.listed(f"{t:.0f} s" if np.isfinite(t) else "never" for t in times)
 
 
+def claims_of(study: Study) -> claims.Page:
+    """Give the verdicts as the claims of the page."""
+    return claims.page_of(
+        "How the quadratic terms and the lever arm settle (Figs. 3 and 4)", judge(study)
+    )
+
+
 def text(study: Study) -> str:
     """Compose the report in Markdown."""
     config, runs = study.config, study.error[QUADRATIC].shape[2]
@@ -169,9 +177,9 @@ def text(study: Study) -> str:
         *(f"RMSE at {start:.0f} s", f"RMSE at {study.duration:.0f} s", "final sigma"),
     )
     sections = (
-        "# How the quadratic terms and the lever arm settle (Figs. 3 and 4)",
+        f"# {claims_of(study).title}",
         setup,
-        verdicts.table(judge(study)),
+        claims_of(study).table,
         "![Errors over time](convergence.png)",
         md.table(headings, rows, 2),
         lever_arm_text(study),

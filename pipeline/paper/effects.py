@@ -15,6 +15,7 @@ from pipeline.charts import style
 from pipeline.config.setup import Setup
 from pipeline.console.output import json_text
 from pipeline.console.progress import track
+from pipeline.paper import claims
 from pipeline.paper import values as paper_values
 from pipeline.paper.config import PaperConfig
 from pipeline.study import verdict as verdicts
@@ -179,6 +180,13 @@ def judge(study: Study) -> list[Verdict]:
     return out
 
 
+def claims_of(study: Study) -> claims.Page:
+    """Give the verdicts as the claims of the page."""
+    return claims.page_of(
+        "What single sensor errors do to navigation (Figs. 1 and 2)", judge(study)
+    )
+
+
 def text(study: Study) -> str:
     """Compose the report in Markdown."""
     own, config = study.config.effects, study.config
@@ -206,9 +214,9 @@ def text(study: Study) -> str:
         for axis, course in study.other_swings.items()
     ]
     sections = (
-        "# What single sensor errors do to navigation (Figs. 1 and 2)",
+        f"# {claims_of(study).title}",
         setup,
-        verdicts.table(judge(study)),
+        claims_of(study).table,
         "![North velocity error](effects.png)",
         "Largest north velocity error, m/s:",
         md.table(("environment", *CASES), rows, 1),

@@ -12,6 +12,7 @@ from inscal.parameters import COUNT, NAMES, UNITS
 from pipeline.charts import style
 from pipeline.config.setup import Setup
 from pipeline.console.output import json_text
+from pipeline.paper import claims
 from pipeline.paper.laboratory_study import (
     COMPENSATED,
     PERFECT,
@@ -99,12 +100,19 @@ def _high(values: np.ndarray) -> float:
     return float(np.percentile(values, _SPREAD))
 
 
+def claims_of(study: Study) -> claims.Page:
+    """Give the verdicts as the claims of the page."""
+    return claims.page_of(
+        "The laboratory experiment, simulated (Table 4, Figs. 5 to 8)", judge(study)
+    )
+
+
 def text(study: Study) -> str:
     """Compose the report in Markdown."""
     sections = (
-        "# The laboratory experiment, simulated (Table 4, Figs. 5 to 8)",
+        f"# {claims_of(study).title}",
         _setup(study),
-        verdicts.table(judge(study)),
+        claims_of(study).table,
         "## How coarse the coarse scale may be",
         _residuals(study),
         "## Repeatability of two calibrations",

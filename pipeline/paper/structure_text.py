@@ -3,9 +3,11 @@
 import numpy as np
 
 from inscal.earth import EARTH_RATE
+from inscal.observability import STATES
 from inscal.parameters import INDEX, NAMES
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
+from pipeline.paper import claims
 from pipeline.paper.structure import (
     FROM_20,
     LAST_SIX,
@@ -16,12 +18,11 @@ from pipeline.paper.structure import (
     agreeing,
 )
 from pipeline.paper.tables import CLASSIC_POSITIONS, TABLE_2_RANKS
+from pipeline.study import verdict as verdicts
 from pipeline.study.observability import CONVENTIONS, direction_text, tied_text
+from pipeline.study.verdict import MET, NOT_MET, UNDECIDED, Verdict
 from pipeline.words import markdown as md
 
-MET, NOT_MET = "met", "not met"
-
-_FULL_RANK = 36
 _EVERYWHERE = "turns on gyros and lever arms"
 _DWELLS, _EARTH = list(CONVENTIONS)[:2]
 
@@ -40,14 +41,14 @@ def observability_text(config: Config, structure: Structure) -> str:
         Markdown.
     """
     sections = (
-        "# The paper's path and what it makes observable",
+        f"# {judge(structure).title}",
         f"Site at latitude {config.site.latitude_deg:g}°, turns at "
         f"{config.schedule.turn_rate_deg_per_s:g} °/s, {config.noise.name} noise where sigma is "
         "spoken of. Ranks are those of the stripped observability matrix of a piecewise constant "
         "system (Goshen-Meskin & Bar-Itzhack 1992), with 36 powers of A and without the gravity "
         "gradient, as in the paper. Positions are numbered from 0 where ranks are spoken of, as in "
         "the paper, and from 1 elsewhere.",
-        _claims(structure),
+        judge(structure).table,
         _table_1(structure.rows),
         _table_2(structure),
         _support(config, structure),
@@ -56,33 +57,41 @@ def observability_text(config: Config, structure: Structure) -> str:
     return "\n\n".join(sections) + "\n"
 
 
-def _claims(structure: Structure) -> str:
-    rows = [
-        ("Table 1: each posture follows from the one above", *path_verdict(structure)),
-        ("The classic 19 positions are the head of the 25", *head_verdict(structure)),
-        ("Table 2: the 25 ranks", *table_verdict(structure)),
-        ("25 positions make all 36 states observable", *complete_verdict(structure)),
-        ("It takes the six added turns for rank 36", *added_turns_verdict(structure)),
-    ]
-    return md.table(("claim of the paper", "ours", "verdict"), rows, 3)
-
-
-def path_verdict(structure: Structure) -> tuple[str, str]:
-    """Judge Table 1: what was found, and the verdict."""
-    agree = sum(row.agrees for row in structure.rows)
-    return f"{agree} of {len(structure.rows)} rows agree", verdict_text(
-        agree == len(structure.rows)
+def judge(structure: Structure) -> claims.Page:
+    """Verdicts on both tables."""
+    found = (
+        path_verdict(structure),
+        head_verdict(structure),
+        table_verdict(structure),
+        complete_verdict(structure),
+        added_turns_verdict(structure),
+    )
+    headings = ("claim of the paper", "ours", "verdict")
+    return claims.page_of(
+        "The paper's path and what it makes observable", found, headings, bold=(NOT_MET,)
     )
 
 
-def head_verdict(structure: Structure) -> tuple[str, str]:
+def path_verdict(structure: Structure) -> Verdict:
+    """Judge Table 1."""
+    agree, total = sum(row.agrees for row in structure.rows), len(structure.rows)
+    return verdicts.judged(
+        "Table 1: each posture follows from the one above",
+        agree == total,
+        f"{agree} of {total} rows agree",
+    )
+
+
+def head_verdict(structure: Structure) -> Verdict:
     """Judge whether the classic path is the head of the paper's."""
-    same = structure.classic_is_head
-    found = f"{CLASSIC_POSITIONS} postures and {CLASSIC_POSITIONS - 1} turns compared"
-    return found, verdict_text(same)
+    return verdicts.judged(
+        f"The classic {CLASSIC_POSITIONS} positions are the head of the {len(structure.rows)}",
+        structure.classic_is_head,
+        f"{CLASSIC_POSITIONS} postures and {CLASSIC_POSITIONS - 1} turns compared",
+    )
 
 
-def table_verdict(structure: Structure) -> tuple[str, str]:
+def table_verdict(structure: Structure) -> Verdict:
     """Judge Table 2: met if a convention gives it by both counts, else it cannot be judged."""
     total, best = len(TABLE_2_RANKS), max(structure.counts.values(), key=lambda c: c.agreeing)
     plain = max(c.agreeing[0] for name, c in structure.counts.items() if name != SEARCHED)
@@ -91,35 +100,39 @@ def table_verdict(structure: Structure) -> tuple[str, str]:
         f"{structure.counts[SEARCHED].agreeing[0]} by a searched one, "
         f"{agreeing(structure.by_matlab)} by that one with the tolerance of MATLAB's rank"
     )
-    if best.agreeing == (total, total):
-        return found, MET
-    return found, (
-        "cannot be judged, because the paper does not say what a turn puts into A, and no "
-        "convention tried gives all its ranks by both ways of counting"
+    reason = (
+        "because the paper does not say what a turn puts into A, and no convention tried gives "
+        "all its ranks by both ways of counting"
     )
+    word = MET if best.agreeing == (total, total) else f"{UNDECIDED}, {reason}"
+    return Verdict(f"Table 2: the {total} ranks", found, word)
 
 
-def complete_verdict(structure: Structure) -> tuple[str, str]:
+def complete_verdict(structure: Structure) -> Verdict:
     """Judge whether all states become observable once turns act on the lever arms."""
     final = [int(r.rank[-1]) for r in _both(structure.counts[_EVERYWHERE])]
     dwells = [int(r.rank[-1]) for r in _both(structure.counts[_DWELLS])]
-    found = f"rank {md.ends(final)} with turns on gyros and lever arms, {md.ends(dwells)} without"
-    return found, verdict_text(min(final) == _FULL_RANK)
+    return verdicts.judged(
+        f"{len(structure.rows)} positions make all {STATES} states observable",
+        min(final) == STATES,
+        f"rank {md.ends(final)} with turns on gyros and lever arms, {md.ends(dwells)} without",
+    )
 
 
-def added_turns_verdict(structure: Structure) -> tuple[str, str]:
+def added_turns_verdict(structure: Structure) -> Verdict:
     """Judge whether the classic path falls short of full rank."""
     reached = [_first_full(ranks.rank) for ranks in _both(structure.counts[_EVERYWHERE])]
     early = [position for position in reached if position is not None]
-    if not early:
-        return "rank 36 is not reached at all", NOT_MET
-    found = f"rank 36 from position {md.ends(early)} on if every turn acts on the lever arms"
-    return found, verdict_text(min(early) >= CLASSIC_POSITIONS)
-
-
-def verdict_text(met: bool) -> str:
-    """Say whether a claim is met."""
-    return MET if met else f"**{NOT_MET}**"
+    found = (
+        f"rank {STATES} from position {md.ends(early)} on if every turn acts on the lever arms"
+        if early
+        else f"rank {STATES} is not reached at all"
+    )
+    return verdicts.judged(
+        f"It takes the six added turns for rank {STATES}",
+        bool(early) and min(early) >= CLASSIC_POSITIONS,
+        found,
+    )
 
 
 def _both(count: Count):
@@ -127,7 +140,7 @@ def _both(count: Count):
 
 
 def _first_full(rank: np.ndarray) -> int | None:
-    full = np.flatnonzero(rank == _FULL_RANK)
+    full = np.flatnonzero(rank == STATES)
     return int(full[0]) if len(full) else None
 
 

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from scipy.special import ndtri
+
 from pipeline.words import markdown as md
 
 MET, NOT_MET, UNDECIDED = "met", "not met", "cannot be judged"
@@ -16,15 +18,25 @@ class Verdict:
     word: str
 
 
+def sigmas_of(share: float) -> float:
+    """Standard deviations within which a share of normal errors stays."""
+    return float(ndtri(0.5 * (1.0 + share)))
+
+
+def judged(claim: str, met: bool, text: str) -> Verdict:
+    """Judge a claim that holds or does not."""
+    return Verdict(claim, text, MET if met else NOT_MET)
+
+
 def within(claim: str, value: float, limit: float, text: str) -> Verdict:
     """Judge a claim that something stays below a limit."""
-    return Verdict(claim, text, MET if value <= limit else NOT_MET)
+    return judged(claim, value <= limit, text)
 
 
 def near(claim: str, value: float, expected: float, tolerance: float, text: str) -> Verdict:
     """Judge a claim of a size: met within `tolerance`, a share of `expected`."""
     close = abs(value - expected) <= tolerance * abs(expected)
-    return Verdict(claim, text, MET if close else NOT_MET)
+    return judged(claim, close, text)
 
 
 def share(claim: str, lower: float, upper: float, needed: float, text: str) -> Verdict:
