@@ -137,6 +137,8 @@ def _start(cluster: Cluster):
             n_workers=cluster.workers if processes else 1,
             threads_per_worker=1 if processes else cluster.workers,
             dashboard_address=None,
+            # every worker serves HTTP as well: one that is a thread, without an address, to anybody
+            worker_dashboard_address=None if processes else _NO_DASHBOARD["dashboard_address"],
             scheduler_kwargs=_NO_DASHBOARD,
             host="127.0.0.1" if processes else None,
         )
