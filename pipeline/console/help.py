@@ -32,7 +32,8 @@ def answer_early() -> None:
     """
     if "-m" in sys.orig_argv and is_asked(sys.argv[1:]):
         name = sys.orig_argv[sys.orig_argv.index("-m") + 1]
-        path = Path(__file__).parent / f"{name.removeprefix('pipeline.')}.py"
+        place = CONF.parent / name.replace(".", "/")
+        path = place / "__main__.py" if place.is_dir() else place.with_suffix(".py")
         found = help_text(path) if path.exists() else None
         if found:
             print(found)
@@ -55,7 +56,8 @@ def help_text(path: Path) -> str | None:
     reads = re.search(r"^Reads: (.*?)\.$", doc, re.M | re.S)
     if not reads:
         return None
-    summary = re.sub(r"^Stage (\S+):", rf"{path.stem}:", doc.split("\n\n")[0]).replace("`", "")
+    name = path.parent.name if path.stem == "__main__" else path.stem
+    summary = re.sub(r"^Stage (\S+):", rf"{name}:", doc.split("\n\n")[0]).replace("`", "")
     usage = re.search(r"Usage:\s*``(.+?)``", doc, re.S)
     examples = re.search(r"^For example::\n\n((?:    .*\n?)+)", doc, re.M)
     parts = [textwrap.fill(" ".join(summary.split()), _WIDTH)]
@@ -90,23 +92,37 @@ def _entry(entry: str) -> str:
         names = choices(group)
         if len(names) > 1:
             return _wrapped(f"  {group}=", "|".join(names), "|")
-        keys = ", ".join(_keys(CONF / group / f"{names[0]}.yaml"))
-        return _wrapped(f"  {group}.KEY".ljust(_REMARK - 1) + " ", keys)
+        return _group_entry(group, (CONF / group / f"{names[0]}.yaml").read_text())
+    if not key and (text := _group_text(group)):
+        return _group_entry(group, text)
     if key:
         files = [CONF / group / f"{name}.yaml" for name in choices(group)]
     else:
         files, key = [CONF / "config.yaml"], group
     for file in files:
-        if key in (found := _keys(file)):
+        if key in (found := _keys(file.read_text())):
             value, remark = found[key]
             start = f"  {entry}={value}"
             return _wrapped(f"{start.ljust(_REMARK - 1)} ", remark) if remark else start
     raise KeyError(f"{entry}: no such key in {files[0].parent}")
 
 
-def _keys(file: Path) -> dict[str, tuple[str, str]]:
-    """Value and remark of the keys on the outermost level of a YAML file."""
-    return {key: (value, remark) for key, value, remark in _KEY.findall(file.read_text())}
+def _group_entry(group: str, text: str) -> str:
+    return _wrapped(f"  {group}.KEY".ljust(_REMARK - 1) + " ", ", ".join(_keys(text)))
+
+
+def _group_text(group: str) -> str:
+    """YAML of a group that stands in a file with others, as in ``paper.yaml``; or nothing."""
+    for file in CONF.glob("*.yaml"):
+        found = re.search(rf"^{group}:\n((?:  .*\n)+)", file.read_text(), re.M)
+        if found:
+            return textwrap.dedent(found[1])
+    return ""
+
+
+def _keys(text: str) -> dict[str, tuple[str, str]]:
+    """Value and remark of the keys on the outermost level of a YAML text."""
+    return {key: (value, remark) for key, value, remark in _KEY.findall(text)}
 
 
 def _wrapped(start: str, text: str, separator: str = " ") -> str:

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.console.output import json_data, json_text, write_json
 
-RESULTS = Path(__file__).resolve().parent.parent / "results"
+RESULTS = Path(__file__).resolve().parents[2] / "results"
 COMMITTED = sorted(p for p in RESULTS.rglob("*.json") if RESULTS / "runs" not in p.parents)
 
 

@@ -9,7 +9,7 @@ import xarray as xr
 
 from inscal.parameters import COUNT, NAMES, UNITS, paper_bounds
 from inscal.summary import compare, summarize
-from pipeline import figures, report
+from pipeline import figures
 from pipeline.campaign.judged import as_json
 from pipeline.charts import campaigns as plots
 from pipeline.charts import style as figure_style
@@ -17,7 +17,7 @@ from pipeline.charts.campaigns import Campaign
 from pipeline.config.load import load, resolved
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
-from pipeline.study import findings
+from pipeline.study import findings, report
 from pipeline.study.findings import MAIN, ONE_PASS, PAPER_TRUTH, Results
 
 BOUND = xr.DataArray(paper_bounds(), {"parameter": list(NAMES)})

@@ -17,20 +17,29 @@ from campaigns import SHORT, make, run_stage
 
 from inscal.parameters import NAMES, UNITS
 from pipeline import compare, observe, predict, summarize
-from pipeline.config.load import load
+from pipeline.config.load import PRODUCT, load
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console import help, progress
+from pipeline.paper.config import PROGRAM
 
-ROOT = Path(__file__).resolve().parent.parent
-STAGES = sorted(
-    path.stem for path in (ROOT / "pipeline").glob("*.py") if "\n@stage\n" in path.read_text()
-)
+ROOT = Path(__file__).resolve().parents[2]
+_FILES = [*(ROOT / "pipeline").glob("*.py"), *(ROOT / "pipeline").glob("*/__main__.py")]
+STAGES = {
+    path.parent.name if path.stem == "__main__" else path.stem: path
+    for path in sorted(_FILES)
+    if "\n@stage\n" in path.read_text()
+}
 WIDTH, LENGTH = 100, 40
 
 
 def stage_help(name):
-    return help.help_text(ROOT / "pipeline" / f"{name}.py")
+    return help.help_text(STAGES[name])
+
+
+def program_of(name):
+    """What the stage reads: the paper's stages may have groups of their own."""
+    return PROGRAM if "pipeline.paper.config import" in STAGES[name].read_text() else PRODUCT
 
 
 # help
@@ -50,7 +59,7 @@ def test_examples_of_the_help_are_valid(name):
     for line in stage_help(name).splitlines():
         if line.startswith("  python -m"):
             assert shlex.split(line)[:3] == ["python", "-m", f"pipeline.{name}"]
-            load(shlex.split(line, comments=True)[3:])
+            load(shlex.split(line, comments=True)[3:], program_of(name))
 
 
 def test_help_lists_choices_and_keys_as_conf_has_them():
@@ -108,11 +117,11 @@ CASES = {
 def test_help_names_every_group_that_is_read(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     make("campaign")
-    config = load(CASES[name])
+    config = load(CASES[name], program_of(name))
     config.__class__ = Recording
     READ.clear()
     importlib.import_module(f"pipeline.{name}").main.__wrapped__(config)
-    doc = ast.get_docstring(ast.parse((ROOT / "pipeline" / f"{name}.py").read_text()))
+    doc = ast.get_docstring(ast.parse(STAGES[name].read_text()))
     said = re.search(r"^Reads: (.*?)\.$", doc, re.M | re.S)[1].split()
     named = {entry.partition(".")[0] for entry in said}
     if name == "paper_laboratory":

@@ -18,13 +18,14 @@ from inscal.parameters import COUNT, NAMES, UNITS, paper_bounds
 from pipeline import consistency
 from pipeline.campaign.judged import as_json
 from pipeline.charts import consistency as consistency_plots
-from pipeline.config.load import load, resolved
+from pipeline.config.load import config_of, load, resolved
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
 from pipeline.proof import goals as consistency_goals
 from pipeline.proof import report as consistency_report
 from pipeline.proof import statistics as numbers
+from pipeline.proof.repeat import done_of, repeat_runs
 from pipeline.proof.statistics import LAGS, Bounds
 
 SIGMA = paper_bounds() / 5.0
@@ -361,25 +362,25 @@ def test_stage_writes_the_same_files_every_time(short_campaign, tmp_path, monkey
 def test_campaigns_that_cannot_be_judged_are_refused(tmp_path, overrides, message):
     path = make(tmp_path / "campaign", "campaign.runs=3", *overrides)
     with pytest.raises(DataError, match=message):
-        consistency.done_of(path)
+        done_of(path)
 
 
 def test_unfinished_and_stale_campaigns_are_refused(short_campaign, tmp_path):
     path = make(tmp_path / "campaign", "campaign.runs=3")
-    done = consistency.done_of(path)
+    done = done_of(path)
     assert done.attrs["failed"] == 0
-    config = consistency.config_of(done)
+    config = config_of(done.attrs["configuration"])
     assert config == dataclasses.replace(
         load([*SHORT, "campaign.runs=3", f"campaign.store={path}"]),
     )
     stale = done.assign(estimate=done["estimate"] + 1e-3 * done["predicted_std"])
     with pytest.raises(DataError, match="not what this version makes"):
-        consistency.repeat_runs(stale, config, Setup(config).experiment)
+        repeat_runs(stale, config, Setup(config).experiment)
     zarr.open_group(path, mode="r+")["status"][1] = 2
-    assert consistency.done_of(path).attrs["failed"] == 1
+    assert done_of(path).attrs["failed"] == 1
     zarr.open_group(path, mode="r+")["status"][2] = 2
     with pytest.raises(DataError, match="two runs"):
-        consistency.done_of(path)
+        done_of(path)
     zarr.open_group(path, mode="r+")["status"][2] = 0
     with pytest.raises(DataError, match="not all runs are made"):
-        consistency.done_of(path)
+        done_of(path)

@@ -9,16 +9,25 @@ from inscal.effects import Course
 from inscal.free_inertial import Flight, fly
 from inscal.motion import build_motion
 from inscal.parameters import COUNT, INDEX, si_units
-from pipeline import paper_convergence, paper_effects
 from pipeline.config.load import load
 from pipeline.config.setup import Setup
+from pipeline.paper import convergence as paper_convergence
+from pipeline.paper import effects as paper_effects
 from pipeline.paper import laboratory_report as paper_laboratory_report
 from pipeline.paper import laboratory_study as laboratory
+from pipeline.paper.config import PROGRAM
 from pipeline.paper.laboratory_report import NAVIGATION_POSITION_ERROR_NMI, converged, reach_text
 from pipeline.paper.laboratory_study import COMPENSATED, PERFECT, UNCOMPENSATED, Residual
 from pipeline.paper.values import TABLE_4
-from pipeline.paper_convergence import GROUPS, LEVER_ARM, QUADRATIC, settled_at
-from pipeline.paper_effects import REST, SWING, VIBRATION
+from pipeline.paper.convergence import GROUPS, LEVER_ARM, QUADRATIC, settled_at
+from pipeline.paper.effects import REST, SWING, VIBRATION
+
+
+@pytest.fixture(scope="module")
+def reference():
+    """Configuration of the reference case, with the groups of the paper's experiments."""
+    return load([], PROGRAM)
+
 
 # effects
 
@@ -192,7 +201,7 @@ def flight_of(velocity, distance_nmi):
 
 def laboratory_study(nees, velocity, distance_nmi, floor_nmi):
     return laboratory.Study(
-        load(["estimator=laboratory"]),
+        load(["estimator=laboratory"], PROGRAM),
         np.zeros((2, COUNT)),
         np.zeros((2, 8, COUNT)),
         np.full((2, 8), nees),

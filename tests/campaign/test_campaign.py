@@ -19,7 +19,8 @@ from distributed import LocalCluster, get_client
 from inscal.kernel import LANES
 from inscal.parameters import COUNT, NAMES, UNITS
 from pipeline import simulate
-from pipeline.campaign import cluster, store, worker
+from pipeline.campaign import cluster, driver, store, worker
+from pipeline.campaign.course import history_dataset
 from pipeline.config.load import load
 from pipeline.config.setup import Setup
 from pipeline.console import progress
@@ -104,7 +105,7 @@ def test_a_campaign_is_the_head_of_a_longer_one(tmp_path, reference):
 
 
 def batches(pending, largest, threads):
-    return list(simulate.batches(np.array(pending, dtype=int), largest, lambda: threads))
+    return list(driver.batches(np.array(pending, dtype=int), largest, lambda: threads))
 
 
 def test_batches_are_consecutive_and_hold_every_pending_run_once():
@@ -162,7 +163,7 @@ def test_the_same_bits_from_a_scheduler_and_its_workers(tmp_path, reference):
         config = short(tmp_path / "campaign", *overrides)
         with cluster.client(config.cluster) as workers:
             workers.wait_for_workers(2, timeout=60)
-        simulate.simulate_campaign(config)
+        driver.simulate_campaign(config)
         with cluster.client(config.cluster) as workers:
             # still there: a scheduler that others started is not ours to end
             assert len(workers.nthreads()) == 2
@@ -199,7 +200,7 @@ def test_a_scheduler_without_workers(tmp_path, monkeypatch):
             f"cluster.address={empty.scheduler_address}",
         )
         with pytest.raises(DataError, match=r"tcp://.*: the scheduler has no workers"):
-            simulate.simulate_campaign(config)
+            driver.simulate_campaign(config)
 
 
 def test_tls_without_certificates(tmp_path):
@@ -207,7 +208,7 @@ def test_tls_without_certificates(tmp_path):
         tmp_path / "campaign", "cluster=scheduler", "cluster.address=tls://127.0.0.1:8786"
     )
     with pytest.raises(DataError, match="tls needs certificates"):
-        simulate.simulate_campaign(config)
+        driver.simulate_campaign(config)
 
 
 def test_a_killed_worker_process_costs_no_run(tmp_path):
@@ -226,7 +227,7 @@ def test_a_killed_worker_process_costs_no_run(tmp_path):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(progress.CampaignProgress, "advance", advance_and_kill)
-        simulate.simulate_campaign(config)
+        driver.simulate_campaign(config)
     assert len(killed) == 1
     assert_same_store(path, make(tmp_path / "undisturbed", "campaign.runs=400"))
 
@@ -291,13 +292,13 @@ def test_slurm_jobs_make_the_same_bits(tmp_path, monkeypatch, reference):
         (tools / name).chmod(0o755)
     monkeypatch.setenv("PATH", f"{tools}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.chdir(tmp_path)
-    fan_out, threads = simulate._fan_out, []
+    fan_out, threads = driver._fan_out, []
 
     def spy(*arguments):
         threads.extend(arguments[4].nthreads().values())
         fan_out(*arguments)
 
-    monkeypatch.setattr(simulate, "_fan_out", spy)
+    monkeypatch.setattr(driver, "_fan_out", spy)
     make("campaign", "cluster=slurm", "cluster.workers=1", "cluster.cores=1", "campaign.batch=7")
     assert_same_store("campaign", reference)
     assert "distributed.worker" in log.read_text()
@@ -338,7 +339,7 @@ def test_only_run_where_nothing_can_be_written(tmp_path):
 
 def test_course_of_a_run_has_every_pass_and_units():
     config = load([*SHORT, "only_run=17"])
-    course = simulate.history_dataset(config)
+    course = history_dataset(config)
     assert course.sizes == {
         "calibration_pass": 2,
         "time": 160,
@@ -363,7 +364,7 @@ def test_course_of_a_run_has_every_pass_and_units():
     std = Setup(config).experiment.estimator.predicted_std / Setup(config).unit
     np.testing.assert_array_equal(course.predicted_std.sel(calibration_pass=1)[-1], std)
     # the first pass ends where its own campaign would; the second goes on from there
-    one = simulate.history_dataset(load([*SHORT, "only_run=17", "estimator=one_pass"]))
+    one = history_dataset(load([*SHORT, "only_run=17", "estimator=one_pass"]))
     first = course.estimate.sel(calibration_pass=1)
     np.testing.assert_array_equal(first[-1], one.final_estimate)
     assert (course.final_estimate != one.final_estimate).all()
@@ -407,7 +408,7 @@ def test_nothing_is_left_to_do_in_a_finished_campaign(reference, monkeypatch, ca
     before = files(reference)
     made.clear()
     monkeypatch.setattr(worker, "run", recording_run)
-    monkeypatch.setattr(simulate, "client", lambda *_: pytest.fail("started a cluster"))
+    monkeypatch.setattr(driver, "client", lambda *_: pytest.fail("started a cluster"))
     make(reference)
     assert made == []
     assert files(reference) == before
@@ -419,7 +420,7 @@ def test_nothing_is_left_to_do_in_a_finished_campaign(reference, monkeypatch, ca
 
 def test_checkpoints_end_at_the_largest_number():
     for runs in (1, 199, 200, 201, 5000):
-        looks = simulate.checkpoints(runs)
+        looks = driver.checkpoints(runs)
         assert looks[0] == min(200, runs)
         assert looks[-1] == runs
         assert looks == sorted(set(looks))
@@ -432,7 +433,7 @@ def test_precision_stops_at_the_same_run_whatever_the_batch(tmp_path, monkeypatc
     path = make(tmp_path / "a", *wanted, "campaign.batch=64")
     assert sorted(made) == list(range(len(made)))
     assert_same_store(path, make(tmp_path / "b", *wanted, "campaign.batch=7"))
-    opened, looks = zarr.open_group(path, mode="r"), simulate.checkpoints(1000)
+    opened, looks = zarr.open_group(path, mode="r"), driver.checkpoints(1000)
     runs = 1000 - len(store.pending(opened))
     assert store.pending(opened).tolist() == list(range(runs, 1000))
     assert 200 < runs < 1000

@@ -4,6 +4,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import planted
@@ -14,13 +15,13 @@ from scipy import stats
 from inscal import regression
 from inscal.parameters import COUNT, NAMES
 from inscal.regression import LOOKS, Sample
-from pipeline import regress, regress_power
+from pipeline import regress
 from pipeline.config.load import load
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError
-from pipeline.gate import baseline, history
+from pipeline.gate import baseline, history, judge, power
 
-COMMITTED = Path(__file__).resolve().parent.parent / "results" / "baseline"
+COMMITTED = Path(__file__).resolve().parents[2] / "results" / "baseline"
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +178,7 @@ def test_the_same_code_is_identical(clean, bound):
     judgement = regression.judge(clean, again, bound)
     assert judgement.verdict == "identical"
     assert judgement.same_data
-    assert regress.lines(judgement) == []
+    assert judge.lines(judgement) == []
 
 
 def test_rounding_is_no_loss(clean, bound):
@@ -188,7 +189,7 @@ def test_rounding_is_no_loss(clean, bound):
     judgement = regression.judge(clean, new, bound)
     assert judgement.verdict == "changed, no worse"
     assert judgement.same_data
-    assert len(regress.lines(judgement)) == 2
+    assert len(judge.lines(judgement)) == 2
 
 
 def test_a_change_of_the_errors_alone_is_not_identical(clean, bound):
@@ -268,7 +269,7 @@ def test_a_planted_defect_is_worse(clean, bound, monkeypatch, defect, found):
     names = [loss.name for loss in judgement.losses]
     names += [check.name for check in judgement.checks if not check.passed]
     assert found in names
-    assert any(line.startswith(found) for line in regress.lines(judgement))
+    assert any(line.startswith(found) for line in judge.lines(judgement))
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
@@ -277,7 +278,7 @@ def test_a_defect_that_makes_runs_diverge_is_worse(clean, bound, monkeypatch, de
     judgement = regression.judge(clean, baseline.sample_of(defect(monkeypatch)), bound)
     assert judgement.verdict == "worse"
     assert judgement.failed > 0
-    assert regress.lines(judgement) == [f"{judgement.failed} runs diverged"]
+    assert judge.lines(judgement) == [f"{judgement.failed} runs diverged"]
 
 
 # a defect without a loss is a change, and no more
@@ -294,13 +295,13 @@ def test_other_streams_are_other_data(clean, bound, monkeypatch):
     new = baseline.sample_of(planted.one_stream_for_sensors_and_observations(monkeypatch))
     judgement = regression.judge(clean, new, bound)
     assert not judgement.same_data
-    assert "other data" in regress.lines(judgement)[0]
+    assert "other data" in judge.lines(judgement)[0]
 
 
-@pytest.mark.parametrize("spoil", [regress_power.scaled, regress_power.independent])
-@pytest.mark.parametrize("look", regress_power.POOLS)
+@pytest.mark.parametrize("spoil", [power.scaled, power.independent])
+@pytest.mark.parametrize("look", power.POOLS)
 def test_five_percent_of_a_group_is_found_and_named(clean, bound, spoil, look):
-    gate = regress_power.Gate(clean.covariance, bound)
+    gate = power.Gate(clean.covariance, bound)
     error = clean.error.copy()
     members = LOOKS[look]
     rng = np.random.default_rng(8)
@@ -316,7 +317,7 @@ def test_five_percent_of_a_group_is_found_and_named(clean, bound, spoil, look):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    monkeypatch.setattr(regress, "BASELINE", tmp_path / "baseline")
+    monkeypatch.setattr(judge, "BASELINE", tmp_path / "baseline")
     return tmp_path / "baseline"
 
 
@@ -391,9 +392,9 @@ def test_accepting_takes_a_reason(folder, reason):
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_what_is_not_consistent_is_no_baseline(folder, reference, monkeypatch, defect, said):
     experiment = defect(monkeypatch)
-    monkeypatch.setattr(regress, "build_experiment", lambda config: experiment)
+    monkeypatch.setattr(judge, "Setup", lambda config: SimpleNamespace(experiment=experiment))
     with pytest.raises(DataError, match=said):
-        regress.accept(reference, "anyway")
+        judge.accept(reference, "anyway")
     assert not folder.exists()
 
 
@@ -475,17 +476,17 @@ def test_this_code_passes_the_committed_baseline(clean, bound):
 
 def test_power_study_counts_alarms_and_losses(clean, bound):
     rng = np.random.default_rng(9)
-    gate = regress_power.Gate(clean.covariance, bound)
+    gate = power.Gate(clean.covariance, bound)
     blocks = np.array([normal_errors(rng, clean.covariance) for _ in range(6)])
-    quiet = regress_power.false_alarms(gate, regress_power.block_pairs(blocks, 12, rng))
+    quiet = power.false_alarms(gate, power.block_pairs(blocks, 12, rng))
     assert (quiet["share"], quiet["of"]) == (0.0, 12)
-    loud = regress_power.false_alarms(gate, ((block, 3 * block) for block in blocks))
+    loud = power.false_alarms(gate, ((block, 3 * block) for block in blocks))
     assert (loud["share"], loud["comparisons"], loud["checks"]) == (1.0, 6, 6)
     assert loud["family_below_0.001"] == 1.0
-    pairs = regress_power.same_pairs(blocks, 8)
-    found = regress_power.power(gate, pairs, regress_power.common, "lever_arm", 1.1, 0)
+    pairs = power.same_pairs(blocks, 8)
+    found = power.power(gate, pairs, power.common, "lever_arm", 1.1, 0)
     assert (found["share"], found["of"], found["kind"]) == (1.0, 8, "common")
-    none = regress_power.power(
-        gate, regress_power.same_pairs(blocks, 8), regress_power.scaled, "lever_arm", 1.0, 0
+    none = power.power(
+        gate, power.same_pairs(blocks, 8), power.scaled, "lever_arm", 1.0, 0
     )
     assert none["share"] == 0.0

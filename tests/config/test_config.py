@@ -358,7 +358,7 @@ def run_stage(tmp_path):
     (tmp_path / "modules" / "small_stage.py").write_text(STAGE)
     cwd = tmp_path / "cwd"
     cwd.mkdir()
-    roots = [str(tmp_path / "modules"), str(Path(__file__).resolve().parent.parent)]
+    roots = [str(tmp_path / "modules"), str(Path(__file__).resolve().parents[2])]
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(roots)}
 
     def run(*arguments):
@@ -433,7 +433,7 @@ def test_stage_keeps_hydras_own_options(run_stage):
 
 def test_configuration_does_not_import_the_heavy_libraries():
     code = "import sys, pipeline.config.load; print({'numba', 'dask', 'xarray', 'scipy'} & {*sys.modules})"
-    root = Path(__file__).resolve().parent.parent
+    root = Path(__file__).resolve().parents[2]
     result = subprocess.run(
         [sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True
     )

@@ -18,13 +18,13 @@ from campaigns import SHORT, assert_same_store, error_lines, make, run_stage, sh
 from distributed import LocalCluster, get_client
 
 from pipeline import simulate
-from pipeline.campaign import cluster, store
+from pipeline.campaign import cluster, driver, store
 from pipeline.campaign.lock import writing
 from pipeline.campaign.provenance import log_path
 from pipeline.config.load import load
 from pipeline.console import interrupts
 
-ROOT = str(Path(__file__).resolve().parent.parent)
+ROOT = str(Path(__file__).resolve().parents[2])
 BOTH = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -123,8 +123,8 @@ def test_batches_that_are_given_up_say_nothing(tmp_path, kind):
 
 def test_all_that_is_finished_is_written_when_the_interrupt_comes(tmp_path, monkeypatch):
     # between two writes of the campaign's own
-    monkeypatch.setattr(simulate, "_FLUSH_INTERVAL_S", 1e9)
-    advance, finished = simulate.CampaignProgress.advance, []
+    monkeypatch.setattr(driver, "_FLUSH_INTERVAL_S", 1e9)
+    advance, finished = driver.CampaignProgress.advance, []
 
     def advance_and_interrupt(self, runs):
         finished.append(runs)
@@ -133,7 +133,7 @@ def test_all_that_is_finished_is_written_when_the_interrupt_comes(tmp_path, monk
             time.sleep(0.01)  # in the middle of what must not be torn
         advance(self, runs)
 
-    monkeypatch.setattr(simulate.CampaignProgress, "advance", advance_and_interrupt)
+    monkeypatch.setattr(driver.CampaignProgress, "advance", advance_and_interrupt)
     path = tmp_path / "campaign"
     stopped = run_stage(simulate, *SHORT, "campaign.batch=2", f"campaign.store={path}")
     assert stopped.code == 130
@@ -283,7 +283,10 @@ def test_one_writer_of_a_store_at_a_time(tmp_path):
 
 
 def test_a_killed_writer_leaves_no_lock(tmp_path):
-    code = "import sys, time, pipeline.campaign.lock as l\nwith l.writing(sys.argv[1]): print(); time.sleep(60)"
+    code = (
+        "import sys, time; from pipeline.campaign.lock import writing\n"
+        "with writing(sys.argv[1]): print(); time.sleep(60)"
+    )
     path = tmp_path / "campaign"
     process = started("-c", code, str(path), cwd=tmp_path)
     process.stdout.readline()
@@ -337,4 +340,4 @@ def test_a_worker_is_no_scheduler(tmp_path):
         address = other.workers[0].address
         config = short(tmp_path / "campaign", "cluster=scheduler", f"cluster.address={address}")
         with pytest.raises(cluster.DataError, match="no scheduler answers"):
-            simulate.simulate_campaign(config)
+            driver.simulate_campaign(config)
