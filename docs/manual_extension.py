@@ -95,7 +95,7 @@ def remarks(text: str) -> dict[str, str]:
 
 def groups() -> Iterator[tuple[str, type, str, list[str]]]:
     """Name, schema class, default choice and all choices of every group of ``conf/``."""
-    from pipeline.config.load import Config
+    from pipeline.config.schema import Config
 
     entries = yaml.safe_load((_ROOT / "conf/config.yaml").read_text())["defaults"]
     chosen = {
@@ -148,7 +148,7 @@ def _keys(prefix: str, schema: type, values: object, comments: dict[str, str]) -
 
 def _kind(key: str) -> str:
     """Kind of parameter, in words, of a key that holds values of a kind."""
-    from pipeline.config.rules import KIND_KEYS
+    from pipeline.config.schema import KIND_KEYS
 
     kind = {key: kind for kind, key in KIND_KEYS.items()}.get(key)
     return f"{kind.replace('_', ' ').capitalize()}." if kind else ""
@@ -163,7 +163,8 @@ def _short(value: object) -> str:
 
 def top_keys() -> list[Key]:
     """Keys of no group."""
-    from pipeline.config.load import Config, load
+    from pipeline.config.load import load
+    from pipeline.config.schema import Config
 
     comments = remarks((_ROOT / "conf/config.yaml").read_text())
     return list(_keys("", Config, load([]), comments))
@@ -194,17 +195,23 @@ def _table(keys: list[Key]) -> str:
     return "\n".join(rows)
 
 
+def _doors() -> list[Path]:
+    """Files of the stages."""
+    folder = _ROOT / "pipeline"
+    return sorted([*folder.glob("*.py"), *folder.glob("*/__main__.py")])
+
+
 def stages() -> list[tuple[str, str, str]]:
     """Module name, summary and usage line of every stage."""
     out = []
-    for path in sorted((_ROOT / "pipeline").glob("*.py")):
+    for path in _doors():
         doc = ast.get_docstring(ast.parse(path.read_text())) or ""
         found = re.match(r"Stage `[\w-]+`: (.*?)\n\n(.*)", doc, re.S)
         if found:
             usage = re.search(r"Usage:\s*``(.+?)``", found[2], re.S)
             assert usage, f"{path} has no usage line"
             summary = " ".join(found[1].split()).replace("``", "`")
-            out.append((path.stem, summary, " ".join(usage[1].split())))
+            out.append((path.stem if path.stem != "__main__" else path.parent.name, summary, " ".join(usage[1].split())))
     return out
 
 
@@ -225,7 +232,7 @@ class _Generated(SphinxDirective):
         raise NotImplementedError
 
     def run(self) -> list[nodes.Node]:
-        for path in [*(_ROOT / "conf").rglob("*.yaml"), *(_ROOT / "pipeline").glob("*.py")]:
+        for path in [*(_ROOT / "conf").rglob("*.yaml"), *_doors()]:
             self.env.note_dependency(str(path))
         self.content = StringList(self.text().splitlines(), "generated")
         self.content_offset = 0
