@@ -211,7 +211,13 @@ def stages() -> list[tuple[str, str, str]]:
             usage = re.search(r"Usage:\s*``(.+?)``", found[2], re.S)
             assert usage, f"{path} has no usage line"
             summary = " ".join(found[1].split()).replace("``", "`")
-            out.append((path.stem if path.stem != "__main__" else path.parent.name, summary, " ".join(usage[1].split())))
+            out.append(
+                (
+                    path.stem if path.stem != "__main__" else path.parent.name,
+                    summary,
+                    " ".join(usage[1].split()),
+                )
+            )
     return out
 
 

@@ -22,9 +22,7 @@ from pipeline.campaign.driver import simulate_campaign
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
-from pipeline.console import interrupts
-from pipeline.console.errors import DataError
-from pipeline.console.output import complain
+from pipeline.console.output import complain, written
 
 
 def repeat_run(config: Config) -> None:
@@ -37,13 +35,8 @@ def repeat_run(config: Config) -> None:
     """
     path = Path(config.out or f"{config.campaign.store}-run{config.only_run}.nc")
     course = history_dataset(config)
-    try:
-        with interrupts.held():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            course.to_netcdf(path, engine="scipy")
-            interrupts.wrote(path)
-    except OSError as error:
-        raise DataError(f"out = {path}: cannot be written ({error.strerror})") from None
+    with written(path) as file:
+        course.to_netcdf(file, engine="scipy")
     print(f"run {config.only_run} of seed {config.campaign.seed}: course in {path}")
 
 

@@ -11,8 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from inscal.parameters import KIND_OF, KINDS, NAMES
-from pipeline.console import interrupts
-from pipeline.console.errors import DataError
+from pipeline.console.output import written
 
 styled = mpl.rc_context(
     {
@@ -141,10 +140,5 @@ def save(figure: Figure, path: str | Path) -> None:
     DataError
         If the file cannot be written.
     """
-    try:
-        with interrupts.held():
-            Path(path).parent.mkdir(parents=True, exist_ok=True)
-            figure.savefig(path, dpi=_DPI, metadata={"Software": None})
-            interrupts.wrote(path)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror})") from None
+    with written(path) as file:
+        figure.savefig(file, dpi=_DPI, metadata={"Software": None})

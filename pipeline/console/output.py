@@ -3,7 +3,8 @@
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,9 @@ def complain(lines: Iterable[str]) -> None:
         print(line, file=sys.stderr)
 
 
-def write_text(path: str | Path, text: str) -> None:
-    """Write a text file, making its folder.
+@contextmanager
+def written(path: str | Path) -> Iterator[Path]:
+    """Make a file's folder, let the block write the file uninterrupted, and remember it.
 
     Raises
     ------
@@ -28,10 +30,16 @@ def write_text(path: str | Path, text: str) -> None:
     try:
         with interrupts.held():
             Path(path).parent.mkdir(parents=True, exist_ok=True)
-            Path(path).write_text(text)
+            yield Path(path)
             interrupts.wrote(path)
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror})") from None
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text file, making its folder; DataError if that cannot be."""
+    with written(path) as file:
+        file.write_text(text)
 
 
 def json_text(data: Any, *, indent: int = 1) -> str:
@@ -55,13 +63,7 @@ def json_data(text: str) -> Any:
 
 
 def write_json(path: str | Path, data: Any, *, indent: int = 1) -> None:
-    """Write data as `json_text` has it, making the file's folder.
-
-    Raises
-    ------
-    DataError
-        If the file cannot be written.
-    """
+    """Write data as `json_text` has it, making the file's folder; DataError if that cannot be."""
     write_text(path, json_text(data, indent=indent))
 
 

@@ -486,7 +486,5 @@ def test_power_study_counts_alarms_and_losses(clean, bound):
     pairs = power.same_pairs(blocks, 8)
     found = power.power(gate, pairs, power.common, "lever_arm", 1.1, 0)
     assert (found["share"], found["of"], found["kind"]) == (1.0, 8, "common")
-    none = power.power(
-        gate, power.same_pairs(blocks, 8), power.scaled, "lever_arm", 1.0, 0
-    )
+    none = power.power(gate, power.same_pairs(blocks, 8), power.scaled, "lever_arm", 1.0, 0)
     assert none["share"] == 0.0
