@@ -1,8 +1,10 @@
 """Small campaigns and stages run in this process, for the tests that need a store."""
 
 import io
+import subprocess
 import sys
-from contextlib import redirect_stderr, redirect_stdout
+import time
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from unittest import mock
@@ -12,6 +14,9 @@ import numpy as np
 from pipeline.campaign import store
 from pipeline.campaign.driver import simulate_campaign
 from pipeline.config.load import load
+
+ROOT = Path(__file__).resolve().parents[1]
+"""The repository."""
 
 SHORT = (
     "schedule.position_duration_s=40",
@@ -77,3 +82,23 @@ def run_stage(module, *overrides):
 def error_lines(ended):
     """Lines on standard error without the warnings about a short path."""
     return [line for line in ended.err.splitlines() if not line.startswith("warning: schedule")]
+
+
+@contextmanager
+def processes(*commands, **options):
+    """Run commands while the block lasts."""
+    started = [subprocess.Popen(command, **options) for command in commands]
+    try:
+        yield started
+    finally:
+        for process in started:
+            process.kill()
+        for process in started:
+            process.wait(30)
+
+
+def wait_until(condition, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited too long"
+        time.sleep(0.02)

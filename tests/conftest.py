@@ -3,17 +3,43 @@
 import pipeline  # isort: skip # noqa: F401 - it limits the threads of BLAS, before numpy is there
 
 import dataclasses
+import os
+from pathlib import Path
 
+import planted
 import pytest
+from campaigns import make
 from hypothesis import settings
 
 from inscal.schedule import Schedule
 from pipeline.config.load import load
 from pipeline.config.setup import Setup
+from pipeline.gate.baseline import sample_of
 
 # compilation happens in the middle of an example; examples are the same in every run
 settings.register_profile("inscal", deadline=None, derandomize=True)
 settings.load_profile("inscal")
+
+
+MOST_WORKERS = 4  # with more of them the manual alone decides how long the suite takes
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers(config):
+    """Workers for folders of tests, and none for single files, for it takes seconds to start them.
+
+    PYTEST_XDIST_AUTO_NUM_WORKERS and ``-n`` decide where they are given.
+    """
+    if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ:
+        return None
+    if not any(Path(argument).is_dir() for argument in config.args):
+        return 0
+    return min(os.cpu_count() or 1, MOST_WORKERS)
+
+
+def pytest_collection_modifyitems(items):
+    """Begin with the manual, the longest file: no worker is left with it when others are done."""
+    items.sort(key=lambda item: item.path.stem != "test_manual")
 
 
 def paper_schedule(positions: int = 25, position_duration: float = 500.0) -> Schedule:
@@ -28,3 +54,21 @@ def paper_schedule(positions: int = 25, position_duration: float = 500.0) -> Sch
 def reference():
     """Configuration of the reference case."""
     return load([])
+
+
+@pytest.fixture(scope="session")
+def short_store(tmp_path_factory):
+    """Store of 30 runs of the short path, made by the default cluster in one batch."""
+    return make(tmp_path_factory.mktemp("short") / "campaign")
+
+
+@pytest.fixture(scope="session")
+def clean():
+    """The gate's campaign of this code."""
+    return sample_of(planted.reference())
+
+
+@pytest.fixture(scope="session")
+def bound(reference):
+    """Accuracy bounds of the reference case in SI."""
+    return Setup(reference).bound * Setup(reference).unit

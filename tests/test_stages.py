@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaigns import SHORT, error_lines, make, run_stage, short
+from campaigns import ROOT, SHORT, error_lines, make, run_stage, short
 
 from inscal.parameters import INDEX, NAMES, UNITS
 from pipeline import compare, predict, summarize
@@ -386,7 +386,7 @@ def test_text_is_written_with_its_folder_or_refused_in_one_line(tmp_path):
 )
 def test_command_line_leaves_nothing_but_what_it_names(cwd, arguments, code, left):
     name, *overrides = arguments
-    env = {**os.environ, "PYTHONPATH": str(Path(__file__).resolve().parent.parent)}
+    env = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-m", f"pipeline.{name}", *SHORT, *overrides]
     ended = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True)
     assert ended.returncode == code, ended.stderr

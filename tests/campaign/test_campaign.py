@@ -1,30 +1,31 @@
 """Small campaigns from end to end: one result whatever computes it, and none lost on the way."""
 
-import json
-import os
 import re
 import signal
-import subprocess
 import sys
-import time
-from contextlib import contextmanager
 
 import numpy as np
 import pytest
 import xarray as xr
 import zarr
-from campaigns import SHORT, assert_same_store, error_lines, files, make, run_stage, short
-from distributed import LocalCluster, get_client
+from campaigns import (
+    SHORT,
+    assert_same_store,
+    error_lines,
+    files,
+    make,
+    processes,
+    run_stage,
+    short,
+    wait_until,
+)
 
 from inscal.kernel import LANES
-from inscal.parameters import COUNT, NAMES, UNITS
+from inscal.parameters import COUNT
 from pipeline import simulate
-from pipeline.campaign import cluster, driver, store, worker
-from pipeline.campaign.course import history_dataset
-from pipeline.config.load import load
+from pipeline.campaign import driver, store, worker
 from pipeline.config.setup import Setup
 from pipeline.console import progress
-from pipeline.console.errors import DataError
 
 DIVERGING = "truth.accel_quadratic_1e_9=4000"
 """So large that in some runs no specific force explains what the sensor reports."""
@@ -46,23 +47,10 @@ def breaking_run(experiment, runs, workspace):
 
 
 @pytest.fixture(scope="module")
-def reference(tmp_path_factory):
-    """Store of 30 runs, made by the default cluster in one batch."""
-    return make(tmp_path_factory.mktemp("reference") / "campaign")
-
-
-@pytest.fixture(scope="module")
 def diverging(tmp_path_factory):
     """Stderr and store of a campaign of which some runs diverge."""
     path = tmp_path_factory.mktemp("diverging") / "campaign"
     return path, run_stage(simulate, *SHORT, DIVERGING, f"campaign.store={path}")
-
-
-def wait_until(condition, seconds=60.0):
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "waited too long"
-        time.sleep(0.02)
 
 
 # one result whatever computes it
@@ -78,13 +66,13 @@ def wait_until(condition, seconds=60.0):
     ],
     ids=" ".join,
 )
-def test_the_same_bits_whatever_computes_them(tmp_path, reference, overrides):
-    assert_same_store(make(tmp_path / "campaign", *overrides), reference)
+def test_the_same_bits_whatever_computes_them(tmp_path, short_store, overrides):
+    assert_same_store(make(tmp_path / "campaign", *overrides), short_store)
 
 
-def test_reference_is_complete_and_random(reference):
+def test_reference_is_complete_and_random(short_store):
     # or the comparisons of bits would compare nothing
-    dataset = store.read(reference)
+    dataset = store.read(short_store)
     assert (dataset.status == store.DONE).all()
     for name in ("truth", "estimate", "error", "nees"):
         assert np.isfinite(dataset[name]).all()
@@ -92,16 +80,16 @@ def test_reference_is_complete_and_random(reference):
         assert len(np.unique(flat)) == flat.size
 
 
-def test_a_seed_is_another_campaign(tmp_path, reference):
+def test_a_seed_is_another_campaign(tmp_path, short_store):
     other = store.read(make(tmp_path / "campaign", "campaign.seed=1"))
-    assert (other.truth != store.read(reference).truth).all()
+    assert (other.truth != store.read(short_store).truth).all()
 
 
-def test_a_campaign_is_the_head_of_a_longer_one(tmp_path, reference):
+def test_a_campaign_is_the_head_of_a_longer_one(tmp_path, short_store):
     longer = store.read(make(tmp_path / "campaign", "campaign.runs=41", "campaign.batch=25"))
     for name in ("truth", "estimate", "error", "nees"):
         head = longer[name][:30].values
-        assert head.tobytes() == store.read(reference)[name].values.tobytes()
+        assert head.tobytes() == store.read(short_store)[name].values.tobytes()
 
 
 def batches(pending, largest, threads):
@@ -125,249 +113,6 @@ def test_batches_shrink_towards_the_end(threads):
     assert all(size % LANES == 0 for size in sizes[:-1])
     assert sizes[-1] <= LANES
     assert len(split) >= threads
-
-
-# clusters elsewhere
-
-
-@contextmanager
-def processes(*commands, **options):
-    """Run commands while the block lasts."""
-    started = [subprocess.Popen(command, **options) for command in commands]
-    try:
-        yield started
-    finally:
-        for process in started:
-            process.kill()
-        for process in started:
-            process.wait(30)
-
-
-def test_the_same_bits_from_a_scheduler_and_its_workers(tmp_path, reference):
-    dask, address = [sys.executable, "-m", "dask"], tmp_path / "scheduler.json"
-    found = ["--scheduler-file", str(address)]
-    host = [*found, "--host", "127.0.0.1", "--no-dashboard"]
-    small = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(tmp_path)]
-    with (
-        open(tmp_path / "log", "w") as log,
-        processes(
-            [*dask, "scheduler", *host, "--port", "0"],
-            *2 * [[*dask, "worker", *found, *small]],
-            stdout=log,
-            stderr=log,
-        ),
-    ):
-        wait_until(address.exists)
-        where = json.loads(address.read_text())["address"]
-        overrides = ["cluster=scheduler", f"cluster.address={where}", "campaign.batch=2"]
-        config = short(tmp_path / "campaign", *overrides)
-        with cluster.client(config.cluster) as workers:
-            workers.wait_for_workers(2, timeout=60)
-        driver.simulate_campaign(config)
-        with cluster.client(config.cluster) as workers:
-            # still there: a scheduler that others started is not ours to end
-            assert len(workers.nthreads()) == 2
-    assert_same_store(tmp_path / "campaign", reference)
-
-
-def test_no_scheduler(tmp_path, monkeypatch):
-    monkeypatch.setitem(cluster._SETTINGS, "distributed.comm.timeouts.connect", "500ms")
-    path = tmp_path / "campaign"
-    address = "tcp://127.0.0.1:1"
-    overrides = [*SHORT, "cluster=scheduler", f"cluster.address={address}"]
-    start = time.monotonic()
-    ended = run_stage(simulate, *overrides, f"campaign.store={path}")
-    assert ended.code == 2
-    assert error_lines(ended) == [f"error: cluster.address = {address}: no scheduler answers"]
-    assert time.monotonic() - start < 20
-
-
-def test_patience_with_a_scheduler_is_seconds():
-    # what the tests here shorten
-    assert cluster._SETTINGS["distributed.comm.timeouts.connect"] == "10s"
-    assert cluster._WORKER_TIMEOUT_S <= 30
-
-
-def test_a_scheduler_without_workers(tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "_WORKER_TIMEOUT_S", 0.2)
-    empty = LocalCluster(
-        n_workers=0, processes=False, protocol="tcp", host="127.0.0.1", dashboard_address=None
-    )
-    with empty:
-        config = short(
-            tmp_path / "campaign",
-            "cluster=scheduler",
-            f"cluster.address={empty.scheduler_address}",
-        )
-        with pytest.raises(DataError, match=r"tcp://.*: the scheduler has no workers"):
-            driver.simulate_campaign(config)
-
-
-def test_tls_without_certificates(tmp_path):
-    config = short(
-        tmp_path / "campaign", "cluster=scheduler", "cluster.address=tls://127.0.0.1:8786"
-    )
-    with pytest.raises(DataError, match="tls needs certificates"):
-        driver.simulate_campaign(config)
-
-
-def test_a_killed_worker_process_costs_no_run(tmp_path):
-    path = tmp_path / "campaign"
-    config = short(
-        path, "campaign.runs=400", "campaign.batch=2", "cluster=processes", "cluster.workers=1"
-    )
-    advance = progress.CampaignProgress.advance
-    killed = []
-
-    def advance_and_kill(self, runs):
-        advance(self, runs)
-        if not killed:
-            killed.extend(get_client().run(os.getpid).values())
-            os.kill(killed[0], signal.SIGKILL)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(progress.CampaignProgress, "advance", advance_and_kill)
-        driver.simulate_campaign(config)
-    assert len(killed) == 1
-    assert_same_store(path, make(tmp_path / "undisturbed", "campaign.runs=400"))
-
-
-# SLURM
-
-
-def test_slurm_needs_dask_jobqueue(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "dask_jobqueue.slurm", None)
-    path = tmp_path / "campaign"
-    ended = run_stage(simulate, *SHORT, "cluster=slurm", f"campaign.store={path}")
-    assert ended.code == 2
-    assert error_lines(ended) == [
-        "error: cluster = slurm: needs dask-jobqueue, pip install -e '.[slurm]'"
-    ]
-    assert not path.exists()
-
-
-def test_without_sbatch_the_job_script_is_printed(tmp_path, monkeypatch):
-    pytest.importorskip("dask_jobqueue")
-    monkeypatch.setenv("PATH", str(tmp_path))
-    overrides = ["cluster=slurm", "cluster.account=physics", "cluster.memory='16 GiB'"]
-    ended = run_stage(simulate, *SHORT, *overrides, f"campaign.store={tmp_path / 'campaign'}")
-    assert ended.code == 2
-    assert error_lines(ended) == [
-        "error: cluster = slurm: no sbatch on this machine; "
-        "the job script it would submit is on standard output"
-    ]
-    script = ended.out.splitlines()
-    assert script[0].startswith("#!")
-    asked = {line.removeprefix("#SBATCH ") for line in script if line.startswith("#SBATCH")}
-    assert asked >= {
-        *("-p compute", "-A physics", "-n 1", "--cpus-per-task=4", "--mem=16G", "-t 02:00:00")
-    }
-    command = script[-1]
-    # the python of this environment, which has the project, connecting to this scheduler
-    assert re.match(
-        rf"{re.escape(sys.executable)} -m distributed\.cli\.dask_worker tcp://", command
-    )
-    assert "--nthreads 4 " in command
-    assert "--memory-limit 16.00GiB" in command
-    assert [*tmp_path.iterdir()] == []
-
-
-def test_no_account_is_asked_for_where_none_is_given():
-    pytest.importorskip("dask_jobqueue")
-    with cluster.slurm(load(["cluster=slurm"]).cluster) as jobs:
-        assert "-A" not in jobs.job_script().split()
-
-
-def test_slurm_jobs_make_the_same_bits(tmp_path, monkeypatch, reference):
-    pytest.importorskip("dask_jobqueue")
-    tools = tmp_path / "tools"
-    tools.mkdir()
-    # a SLURM of one machine: a job is a process group of its own, its number the leader's
-    log = tmp_path / "job.log"
-    copy = f'cp "$1" {tools}/script'  # dask-jobqueue deletes its own
-    sbatch = f'{copy}; setsid bash {tools}/script >{log} 2>&1 & echo "Submitted batch job $!"'
-    sbatch = sbatch.replace("; ", "\n")
-    for name, line in {"sbatch": sbatch, "scancel": 'kill -- "-$1"'}.items():
-        (tools / name).write_text(f"#!/bin/bash\n{line}\n")
-        (tools / name).chmod(0o755)
-    monkeypatch.setenv("PATH", f"{tools}{os.pathsep}{os.environ['PATH']}")
-    monkeypatch.chdir(tmp_path)
-    fan_out, threads = driver._fan_out, []
-
-    def spy(*arguments):
-        threads.extend(arguments[4].nthreads().values())
-        fan_out(*arguments)
-
-    monkeypatch.setattr(driver, "_fan_out", spy)
-    make("campaign", "cluster=slurm", "cluster.workers=1", "cluster.cores=1", "campaign.batch=7")
-    assert_same_store("campaign", reference)
-    assert "distributed.worker" in log.read_text()
-    # it waited for the job, and only then started the clock
-    assert threads == [1]
-
-
-# one run alone
-
-
-def test_only_run_repeats_a_run_of_the_campaign(tmp_path, reference):
-    file = tmp_path / "run.nc"
-    ended = run_stage(simulate, *SHORT, "only_run=17", f"out={file}")
-    assert ended.code == 0
-    assert ended.out == f"run 17 of seed 20260101: course in {file}\n"
-    assert [*tmp_path.iterdir()] == [file]
-    campaign = store.read(reference).sel(run=17)
-    with xr.open_dataset(file, engine="scipy") as course:
-        assert course.final_estimate.values.tobytes() == campaign.estimate.values.tobytes()
-        assert course.final_error.values.tobytes() == campaign.error.values.tobytes()
-        assert course.truth.values.tobytes() == campaign.truth.values.tobytes()
-        assert course.nees.values.tobytes() == campaign.nees.values.tobytes()
-
-
-def test_only_run_goes_beside_the_store_by_default(tmp_path):
-    path = tmp_path / "runs" / "campaign"
-    assert run_stage(simulate, *SHORT, "only_run=2", f"campaign.store={path}").code == 0
-    assert [*path.parent.iterdir()] == [path.parent / "campaign-run2.nc"]
-
-
-def test_only_run_where_nothing_can_be_written(tmp_path):
-    (tmp_path / "file").write_text("")
-    ended = run_stage(simulate, *SHORT, "only_run=2", f"out={tmp_path / 'file' / 'run.nc'}")
-    assert ended.code == 2
-    assert len(error_lines(ended)) == 1
-    assert "run.nc: cannot be written" in ended.err
-
-
-def test_course_of_a_run_has_every_pass_and_units():
-    config = load([*SHORT, "only_run=17"])
-    course = history_dataset(config)
-    assert course.sizes == {
-        "calibration_pass": 2,
-        "time": 160,
-        "parameter": COUNT,
-        "observation": 6,
-    }
-    assert course.calibration_pass.values.tolist() == [1, 2]
-    assert course.time.values.tolist() == list(range(1, 161))
-    assert course.time.attrs["units"] == "s"
-    assert course.parameter.values.tolist() == list(NAMES)
-    assert course.unit.values.tolist() == list(UNITS)
-    assert course.observation_unit.values.tolist() == ["m/s"] * 3 + ["m"] * 3
-    for variable in course.data_vars.values():
-        assert variable.attrs["units"]
-        assert np.isfinite(variable).all()
-    assert json.loads(course.attrs["configuration"])["estimator"]["passes"] == 2
-    assert (course.attrs["run"], course.attrs["seed"], course.attrs["positions"]) == (
-        *(17, 20260101, 4),
-    )
-    np.testing.assert_array_equal(course.error, course.estimate - course.truth)
-    # the predicted sigma of the first pass ends at that of the store
-    std = Setup(config).experiment.estimator.predicted_std / Setup(config).unit
-    np.testing.assert_array_equal(course.predicted_std.sel(calibration_pass=1)[-1], std)
-    # the first pass ends where its own campaign would; the second goes on from there
-    one = history_dataset(load([*SHORT, "only_run=17", "estimator=one_pass"]))
-    first = course.estimate.sel(calibration_pass=1)
-    np.testing.assert_array_equal(first[-1], one.final_estimate)
-    assert (course.final_estimate != one.final_estimate).all()
 
 
 # interruption
@@ -404,14 +149,14 @@ def test_kill_and_resume(tmp_path, monkeypatch, capsys):
     assert_same_store(path, make(tmp_path / "uninterrupted", runs))
 
 
-def test_nothing_is_left_to_do_in_a_finished_campaign(reference, monkeypatch, capsys):
-    before = files(reference)
+def test_nothing_is_left_to_do_in_a_finished_campaign(short_store, monkeypatch, capsys):
+    before = files(short_store)
     made.clear()
     monkeypatch.setattr(worker, "run", recording_run)
     monkeypatch.setattr(driver, "client", lambda *_: pytest.fail("started a cluster"))
-    make(reference)
+    make(short_store)
     assert made == []
-    assert files(reference) == before
+    assert files(short_store) == before
     assert "campaign: resuming after 30 of 30 runs" in capsys.readouterr().err
 
 
@@ -485,13 +230,13 @@ def test_a_diverging_run_can_be_repeated_alone(tmp_path, diverging):
 
 
 @pytest.mark.parametrize("batch", [7, 64])
-def test_an_exception_in_a_run_costs_this_run_only(tmp_path, monkeypatch, reference, batch):
+def test_an_exception_in_a_run_costs_this_run_only(tmp_path, monkeypatch, short_store, batch):
     monkeypatch.setattr(worker, "run", breaking_run)
     path = tmp_path / "campaign"
     ended = run_stage(simulate, *SHORT, f"campaign.batch={batch}", f"campaign.store={path}")
     assert ended.code == 0
     assert f"run {BROKEN} failed (seed 20260101); repeat with only_run={BROKEN}" in ended.err
-    dataset, whole = store.read(path), store.read(reference)
+    dataset, whole = store.read(path), store.read(short_store)
     assert dataset.run[dataset.status != store.DONE].values.tolist() == [BROKEN]
     assert dataset.status.sel(run=BROKEN) == store.FAILED
     assert np.isnan(dataset.estimate.sel(run=BROKEN)).all()
@@ -539,10 +284,10 @@ def test_long_campaigns_report_now_and_then(monkeypatch, capsys):
     ]
 
 
-def test_store_in_the_way_ends_the_stage_with_exit_code_2(tmp_path, reference):
-    before = files(reference)
-    ended = run_stage(simulate, *SHORT, "campaign.seed=3", f"campaign.store={reference}")
+def test_store_in_the_way_ends_the_stage_with_exit_code_2(tmp_path, short_store):
+    before = files(short_store)
+    ended = run_stage(simulate, *SHORT, "campaign.seed=3", f"campaign.store={short_store}")
     assert ended.code == 2
     (line,) = error_lines(ended)
-    assert line.startswith(f"error: campaign.store = {reference}: holds a campaign of another")
-    assert files(reference) == before
+    assert line.startswith(f"error: campaign.store = {short_store}: holds a campaign of another")
+    assert files(short_store) == before

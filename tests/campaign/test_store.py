@@ -19,7 +19,6 @@ from pipeline.config.load import load, resolved
 from pipeline.config.schema import KIND_KEYS
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError
-from pipeline.paper.config import PROGRAM
 
 STD = np.linspace(0.1, 0.2, COUNT)
 
@@ -261,11 +260,6 @@ def test_fingerprint_changes_with_every_number_that_matters():
 @pytest.mark.parametrize("overrides", SAME, ids=str)
 def test_fingerprint_stays_where_no_number_changes(overrides):
     assert store.fingerprint(load([*SHORT, *overrides])) == store.fingerprint(load(SHORT))
-
-
-@pytest.mark.parametrize("override", ["effects.lever_arm_mm=1", "laboratory.runs=7"])
-def test_fingerprint_stays_where_a_stage_of_the_paper_reads_more(override):
-    assert store.fingerprint(load([*SHORT, override], PROGRAM)) == store.fingerprint(load(SHORT))
 
 
 def test_every_setting_is_known_to_matter_or_not():

@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from campaigns import SHORT, assert_same_store, error_lines, make, run_stage, short
+from campaigns import ROOT, SHORT, assert_same_store, error_lines, make, run_stage, short
 from distributed import LocalCluster, get_client
 
 from pipeline import simulate
@@ -24,7 +24,6 @@ from pipeline.campaign.provenance import log_path
 from pipeline.config.load import load
 from pipeline.console import interrupts
 
-ROOT = str(Path(__file__).resolve().parents[2])
 BOTH = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -33,7 +32,7 @@ def started(*command, cwd, modules=""):
     return subprocess.Popen(
         [sys.executable, *command],
         cwd=cwd,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([ROOT, str(modules)])},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(modules)])},
         start_new_session=True,
         preexec_fn=lambda: [signal.signal(number, signal.SIG_DFL) for number in BOTH],
         stdout=subprocess.PIPE,

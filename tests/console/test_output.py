@@ -2,14 +2,14 @@
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
+from campaigns import ROOT
 
 from pipeline.console.output import json_data, json_text, write_json
 
-RESULTS = Path(__file__).resolve().parents[2] / "results"
+RESULTS = ROOT / "results"
 COMMITTED = sorted(p for p in RESULTS.rglob("*.json") if RESULTS / "runs" not in p.parents)
 
 

@@ -9,11 +9,10 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import numba
 import pytest
-from campaigns import SHORT, make, run_stage
+from campaigns import ROOT, SHORT, make, run_stage
 
 from inscal.parameters import NAMES, UNITS
 from pipeline import compare, observe, predict, summarize
@@ -23,7 +22,6 @@ from pipeline.config.setup import Setup
 from pipeline.console import help, progress
 from pipeline.paper.config import PROGRAM
 
-ROOT = Path(__file__).resolve().parents[2]
 _FILES = [*(ROOT / "pipeline").glob("*.py"), *(ROOT / "pipeline").glob("*/__main__.py")]
 STAGES = {
     path.parent.name if path.stem == "__main__" else path.stem: path
@@ -241,5 +239,5 @@ def test_compilation_is_announced_to_a_terminal(tmp_path, monkeypatch):
         stream = Terminal() if terminal else io.StringIO()
         monkeypatch.setattr(sys, "stderr", stream)
         monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path if there else tmp_path / "x"))
-        Setup(replace(config)).experiment
+        assert Setup(replace(config)).experiment
         assert stream.getvalue().count("compiling the kernels, once") == said

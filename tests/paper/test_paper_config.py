@@ -1,7 +1,9 @@
 """What the paper's other experiments add to the configuration, and what is refused there."""
 
 import pytest
+from campaigns import SHORT
 
+from pipeline.campaign import store
 from pipeline.config.load import config_of, load, resolved
 from pipeline.console.errors import ConfigError
 from pipeline.paper.config import PROGRAM
@@ -17,6 +19,11 @@ def test_the_papers_groups_come_on_top_of_the_products():
 
 def test_a_store_made_with_them_has_the_products_configuration():
     assert config_of(resolved(load(["noise=quiet"], PROGRAM))) == load(["noise=quiet"])
+
+
+@pytest.mark.parametrize("override", ["effects.lever_arm_mm=1", "laboratory.runs=7"])
+def test_they_leave_the_fingerprint_of_a_store_as_it_is(override):
+    assert store.fingerprint(load([*SHORT, override], PROGRAM)) == store.fingerprint(load(SHORT))
 
 
 @pytest.mark.parametrize(

@@ -16,11 +16,11 @@ from pipeline.paper import effects as paper_effects
 from pipeline.paper import laboratory_report as paper_laboratory_report
 from pipeline.paper import laboratory_study as laboratory
 from pipeline.paper.config import PROGRAM
+from pipeline.paper.convergence import GROUPS, LEVER_ARM, QUADRATIC, settled_at
+from pipeline.paper.effects import REST, SWING, VIBRATION
 from pipeline.paper.laboratory_report import NAVIGATION_POSITION_ERROR_NMI, converged, reach_text
 from pipeline.paper.laboratory_study import COMPENSATED, PERFECT, UNCOMPENSATED, Residual
 from pipeline.paper.values import TABLE_4
-from pipeline.paper.convergence import GROUPS, LEVER_ARM, QUADRATIC, settled_at
-from pipeline.paper.effects import REST, SWING, VIBRATION
 
 
 @pytest.fixture(scope="module")

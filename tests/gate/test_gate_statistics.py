@@ -1,0 +1,134 @@
+"""The gate's statistics: its ratios and checks against textbooks and samples."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from normal_samples import normal_errors, some_covariance
+from scipy import stats
+
+from inscal import regression
+from inscal.parameters import COUNT, NAMES
+from inscal.regression import LOOKS, Sample
+
+
+def test_paired_ratio_is_pitmans_and_morgans_test_of_a_single_parameter():
+    covariance = some_covariance()
+    rng = np.random.default_rng(2)
+    old = normal_errors(rng, covariance, 30)
+    new = 1.3 * old + 0.5 * normal_errors(rng, covariance, 30)
+    ratios = regression.paired_ratio(old, new, covariance)
+    allowed = 1 + regression.TOLERANCE
+    for i in range(COUNT):
+        u, v = new[:, i] / allowed + old[:, i], new[:, i] / allowed - old[:, i]
+        r = u @ v / np.sqrt(u @ u * (v @ v))
+        p = stats.t.sf(r * np.sqrt(29 / (1 - r**2)), 29)
+        assert ratios.p_worse[i] == pytest.approx(p, rel=1e-8)
+        rms = np.sqrt((new[:, i] @ new[:, i]) / (old[:, i] @ old[:, i]))
+        assert ratios.ratio[i] == pytest.approx(rms, rel=1e-12)
+        # at the ends of the interval the same test has the p-value of the tails
+        for end, tail in ((ratios.lower[i], 0.025), (ratios.upper[i], 0.975)):
+            u, v = new[:, i] / end + old[:, i], new[:, i] / end - old[:, i]
+            r = u @ v / np.sqrt(u @ u * (v @ v))
+            assert stats.t.sf(r * np.sqrt(29 / (1 - r**2)), 29) == pytest.approx(tail, rel=1e-6)
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.9])
+def test_paired_ratio_holds_its_level_in_every_pool(correlation):
+    covariance = some_covariance()
+    rng = np.random.default_rng(3)
+    below, trials = np.zeros(len(LOOKS)), 3000
+    for _ in range(trials):
+        old = normal_errors(rng, covariance)
+        new = correlation * old + np.sqrt(1 - correlation**2) * normal_errors(rng, covariance)
+        below += regression.paired_ratio(old, new, covariance).p_better < 0.05
+    assert (stats.binom.cdf(below, trials, 0.05) > 1e-4).all()
+    assert (stats.binom.sf(below - 1, trials, 0.05) > 1e-4).all()
+
+
+def test_added_loss_is_the_mean_square_of_the_change():
+    covariance = some_covariance()
+    rng = np.random.default_rng(4)
+    old = normal_errors(rng, covariance)
+    std = np.sqrt(np.diag(covariance))
+    change = 0.3 * std * rng.standard_normal(old.shape)
+    ratios = regression.added_loss(old, old + change, covariance)
+    excess = np.square(change / std).mean(axis=0)
+    np.testing.assert_allclose(ratios.ratio[:COUNT] ** 2, 1 + excess, rtol=1e-9)
+    assert ratios.ratio[-1] ** 2 == pytest.approx(1 + excess.mean())
+    assert ((ratios.lower < ratios.ratio) & (ratios.ratio < ratios.upper)).all()
+
+
+def test_added_loss_of_one_run_is_known_badly_and_of_all_well():
+    covariance, old = np.eye(COUNT), np.zeros((128, COUNT))
+    one, each = old.copy(), old.copy()
+    one[0], each[:, :] = np.sqrt(128) * 0.4, 0.4  # the same mean square
+    rare, steady = (regression.added_loss(old, new, covariance) for new in (one, each))
+    np.testing.assert_allclose(rare.ratio, steady.ratio)
+    assert (rare.p_worse > 1e-3).all()
+    assert (steady.p_worse < 1e-20).all()
+    assert (rare.upper > steady.upper).all()
+
+
+def test_added_loss_agrees_with_what_optimal_estimates_lose():
+    # x is seen in two ways of equal noise; the old estimate weighs them rightly, the new does not
+    rng = np.random.default_rng(5)
+    seen = rng.standard_normal((2, 200_000, COUNT))
+    old, new = seen.mean(axis=0), 0.7 * seen[0] + 0.3 * seen[1]
+    truth = np.sqrt((0.7**2 + 0.3**2) / 0.5)
+    ratios = regression.added_loss(old, new, 0.5 * np.eye(COUNT))
+    np.testing.assert_allclose(ratios.ratio, truth, rtol=3e-3)
+    np.testing.assert_allclose(regression.paired_ratio(old, new, np.eye(COUNT)).ratio, truth, 0.01)
+
+
+def test_looks_are_the_parameters_and_the_pools_of_them():
+    assert list(LOOKS)[:COUNT] == list(NAMES)
+    assert len(LOOKS) == 38
+    assert [NAMES[i] for i in LOOKS["gyro_scale_factor"]] == ["gyro_k11", "gyro_k22", "gyro_k33"]
+    assert {len(LOOKS[look]) for look in ("all", "accel_k", "accel_installation")} == {27, 9, 6}
+
+
+def consistent(rng, covariance):
+    error = normal_errors(rng, covariance)
+    nees = np.square(np.linalg.solve(np.linalg.cholesky(covariance), error.T)).sum(axis=0)
+    return Sample(error, covariance, nees, np.zeros(len(error)))
+
+
+def failed_checks(sample):
+    return [check.name for check in regression.consistency(sample) if not check.passed]
+
+
+def test_each_check_finds_what_it_is_for():
+    covariance = some_covariance()
+    sample = consistent(np.random.default_rng(6), covariance)
+    assert failed_checks(sample) == []
+    assert failed_checks(replace(sample, nees=1.15 * sample.nees)) == ["mean NEES"]
+    assert failed_checks(replace(sample, nees=0.85 * sample.nees)) == ["mean NEES"]
+    shift = 0.3 * np.linalg.cholesky(covariance).sum(axis=1)
+    assert failed_checks(replace(sample, error=sample.error + shift)) == ["mean error"]
+    repeated = sample.error.copy()
+    repeated[100] = -repeated[3]
+    assert failed_checks(replace(sample, error=repeated)) == ["likeness of two runs"]
+
+
+def test_checks_hold_their_level(monkeypatch):
+    monkeypatch.setattr(regression, "CHECK_LEVEL", 0.05)
+    covariance = some_covariance()
+    rng = np.random.default_rng(7)
+    failed = [failed_checks(consistent(rng, covariance)) for _ in range(2000)]
+    for name in ("mean NEES", "mean error", "likeness of two runs"):
+        hits = sum(name in names for names in failed)
+        assert 1e-4 < stats.binom.cdf(hits, 2000, 0.05) < 1 - 1e-4, name
+
+
+def test_bounds_count_runs_outside_and_let_the_expected_be():
+    covariance = np.eye(COUNT)
+    bound = np.full(COUNT, 30.0)
+    bound[0] = 2.5
+    error = np.zeros((128, COUNT))
+    error[:7, 0], error[:3, 1], error[:2, 2] = 2.6, -31.0, 31.0
+    checks = regression.bounds(error, covariance, bound)
+    assert [check.value for check in checks[:4]] == [7, 3, 2, 0]
+    # 1.6 of 128 runs are expected outside 2.5 sigma; outside 30 sigma, none
+    assert [check.passed for check in checks] == [True, False] + [True] * 25
+    assert checks[0].upper == stats.binom.isf(5e-5 / 27, 128, 2 * stats.norm.sf(2.5))
