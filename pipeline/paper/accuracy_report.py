@@ -98,7 +98,7 @@ def _setup(study: Study) -> dict[str, Any]:
 
 def _estimates(study: Study) -> list[tuple[str, ...]]:
     summary = study.summary
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for i in style.ORDER:
         rows.append(
             (
