@@ -7,13 +7,14 @@ Reads: schedule noise estimator site sensor bounds.
 """
 
 from pipeline.charts import style
-from pipeline.charts.observability import rank_figure, sigma_heat_map
+from pipeline.charts.observability import sigma_heat_map
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.output import write_text
 from pipeline.console.progress import busy
 from pipeline.paper import claims, quadratic_text, structure_text
 from pipeline.paper.claims import FOLDER
+from pipeline.paper.rank_figure import rank_figure
 from pipeline.paper.structure import SEARCHED, Structure, rank_table, readings_of, structure_of
 from pipeline.paper.tables import TABLE_2_RANKS
 from pipeline.study.observability import CONVENTIONS, share_table

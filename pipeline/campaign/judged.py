@@ -36,17 +36,21 @@ def summary_of(config: Config, path: str | Path) -> xr.Dataset:
     DataError
         If there is no store, or no run in it is done.
     """
-    campaign = store.read(path)
+    return summary(config, path, store.read(path))
+
+
+def summary(config: Config, path: str | Path, campaign: xr.Dataset) -> xr.Dataset:
+    """Summary of a campaign that has been read already; else as `summary_of`."""
     bound = xr.DataArray(Setup(config).bound, dims="parameter", coords={"parameter": list(NAMES)})
     try:
-        summary = summarize(campaign, bound)
+        found = summarize(campaign, bound)
     except ValueError as error:
         raise DataError(f"campaign store {path}: {error}") from None
-    missing = campaign.sizes["run"] - int(summary.runs_done) - int(summary.runs_failed)
+    missing = campaign.sizes["run"] - int(found.runs_done) - int(found.runs_failed)
     if missing:
         complain([f"note: {path}: {missing} of {campaign.sizes['run']} runs are not made"])
     configuration = campaign.attrs["configuration"]
-    return summary.assign_attrs(
+    return found.assign_attrs(
         campaign=Path(path).name,
         seed=campaign.attrs["seed"],
         passes=configuration["estimator"]["passes"],
@@ -93,7 +97,11 @@ def comparison_of(a: str | Path, b: str | Path) -> xr.Dataset:
     DataError
         If a store is missing, or the two cannot be paired.
     """
-    left, right = store.read(a), store.read(b)
+    return comparison(a, store.read(a), b, store.read(b))
+
+
+def comparison(a: str | Path, left: xr.Dataset, b: str | Path, right: xr.Dataset) -> xr.Dataset:
+    """Paired comparison of two campaigns that have been read already; else as `comparison_of`."""
     if left.attrs["seed"] != right.attrs["seed"]:
         seeds = left.attrs["seed"], right.attrs["seed"]
         raise DataError(f"a = {a}, b = {b}: seeds {seeds} differ, so their runs are no pairs")

@@ -10,7 +10,7 @@ import xarray as xr
 
 from inscal.summary import DONE
 from pipeline.campaign import store
-from pipeline.campaign.judged import comparison_of, summary_of
+from pipeline.campaign.judged import comparison, summary
 from pipeline.config.schema import Config
 
 MODELS: dict[str, str] = {
@@ -128,21 +128,21 @@ def ablation_of(config: Config, full: str | Path) -> Ablation:
     DataError
         If a store is missing or cannot be paired.
     """
-    reduced = {end: _reduced(config, f"{full}-{end}", full) for end in MODELS}
-    return Ablation(summary_of(config, full), reduced)
+    complete = store.read(full)
+    reduced = {end: _reduced(config, f"{full}-{end}", full, complete) for end in MODELS}
+    return Ablation(summary(config, full, complete), reduced)
 
 
-def _reduced(config: Config, path: str, full: str | Path) -> Reduced:
-    summary, comparison = summary_of(config, path), comparison_of(path, full)
-    own, other = store.read(path), store.read(full)
+def _reduced(config: Config, path: str, full: str | Path, other: xr.Dataset) -> Reduced:
+    own = store.read(path)
     both = ((own["status"] == DONE) & (other["status"] == DONE)).to_numpy()
     error, error_full = (
         c["error"].transpose("run", "parameter").to_numpy()[both] for c in (own, other)
     )
     square = np.square(error)
     return Reduced(
-        summary,
-        comparison,
+        summary(config, path, own),
+        comparison(path, own, full, other),
         median_ratio(error, error_full, np.random.default_rng(own.attrs["seed"])),
         float((square.max(axis=0) / square.sum(axis=0)).max()),
     )

@@ -1,6 +1,7 @@
 """The page on what leaving out quadratic terms and lever arms costs."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -10,9 +11,11 @@ from pipeline.charts import style
 from pipeline.config.schema import Config
 from pipeline.paper import claims
 from pipeline.paper.ablation import FULL, MODELS, Ablation, Reduced
+from pipeline.paper.claims import TEMPLATES
 from pipeline.study import findings
 from pipeline.study.verdict import MET, NOT_MET, Verdict
 from pipeline.words import markdown as md
+from pipeline.words.render import render
 
 _OMITTED = {
     "states33_quadratic": "the lever arms",
@@ -37,46 +40,17 @@ def ablation_text(config: Config, ablations: Mapping[str, Ablation]) -> str:
         Markdown.
     """
     first = next(iter(ablations.values())).full
-    sections = [
-        f"# {judge(ablations).title}",
-        "The paper adds six states, three quadratic terms of the accelerometers and three inner "
-        "lever arms, to a classic filter of 30, and claims that calibration becomes more accurate. "
-        "Here the same simulated records, with all 27 sensor errors in them, go through filters of "
-        f"36, 33 and 30 states: {len(config.schedule.rotations) + 1} positions, noise "
-        f"{style.noise_text(first.attrs['noise'])}. Runs are paired, so the ratios are of the same "
-        "calibrations. A parameter that a filter does not model is estimated as zero: its error is "
-        "minus its true value.",
-        judge(ablations).table,
-        "![RMSE of each filter over that of 36 states](ablation.png)",
-        "Lines are intervals that hold for all parameters of a filter at once; significant is what "
-        "they leave no doubt of. Where a single nearly diverged run makes up much of a mean square "
-        "error the RMSE is hardly known, and medians decide.",
-        _reading(ablations),
-    ]
-    for truth, ablation in ablations.items():
-        sections += _truth_section(truth, ablation)
-    sections.append("Every number is in `ablation.csv`.")
-    return "\n\n".join(sections) + "\n"
-
-
-def _reading(ablations: Mapping[str, Ablation]) -> str:
-    """Say how the cost of the quadratic terms hangs on their unit."""
-    lines = []
-    for truth, ablation in ablations.items():
-        full, own = ablation.full, ablation.reduced["states33_lever_arm"]
-        missed = own.modelled & (own.summary["share_within_bound"].to_numpy() < findings.ENOUGH)
-        kept = missed & (full["share_within_bound"].to_numpy() < findings.ENOUGH)
-        unit = style.unit_text("accel_quadratic", full.attrs["quadratic_unit"])
-        lines.append(
-            f"{truth}, {unit}: without quadratic terms {int(missed.sum())} of "
-            f"{int(own.modelled.sum())} bounds are missed, {int(kept.sum())} of them with "
-            f"{FULL}; the largest ratio is {_times(own.cost.ratio[own.modelled].max())}"
-        )
-    return "\n\n".join(
-        (
-            "What the quadratic terms are worth hangs on the unit in which their size is read:",
-            md.bullets(lines),
-        )
+    return render(
+        TEMPLATES,
+        "ablation.md.jinja",
+        claims=judge(ablations),
+        count=len(NAMES),
+        positions=len(config.schedule.rotations) + 1,
+        noise=style.noise_text(first.attrs["noise"]),
+        full=FULL,
+        models=[MODELS[end] for end in _OMITTED],
+        enough=findings.ENOUGH,
+        truths=[_truth(name, ablation) for name, ablation in ablations.items()],
     )
 
 
@@ -115,37 +89,30 @@ def _times(ratio: float) -> str:
     return f"{ratio:.0f}×" if ratio >= 100 else f"{ratio:.3g}×"
 
 
-def _truth_section(truth: str, ablation: Ablation) -> list[str]:
-    rows = [_filter_row(FULL, ablation.full)]
-    rows += [_filter_row(MODELS[end], ablation.reduced[end].summary) for end in _OMITTED]
-    headings = (
-        *("filter", "runs done", "failed", "modelled", "mean NEES", "if honest"),
-        "bounds missed among the modelled",
-    )
-    tails = [
-        f"{MODELS[end]}: one run makes up {100 * reduced.heaviest:.0f} % of a mean square error, "
-        "so this filter is judged by medians"
-        for end, reduced in ablation.reduced.items()
-        if reduced.one_run_decides
-    ]
-    unit = ablation.full.attrs["quadratic_unit"]
-    parts = [
-        f"## With {truth}",
-        f"Quadratic terms in units of {style.unit_text('accel_quadratic', unit)}.",
-        md.table(headings, rows, 1),
-        f"A bound counts as missed where fewer than {100 * findings.ENOUGH:g} % of runs keep it; "
-        "NEES is over the parameters that the filter models.",
-        "RMSE ratio to the 36-state filter (95 %, for all parameters at once); in brackets where "
-        "the filter does not model the parameter:",
-        _ratio_table(ablation, _rmse_cell),
-    ]
-    if tails:
-        parts += [
-            md.bullets(tails),
-            "Ratio of median |error|, likewise:",
-            _ratio_table(ablation, _median_cell),
-        ]
-    return [*parts, "Bias, with its Monte Carlo standard error:", _bias_table(ablation)]
+def _truth(name: str, ablation: Ablation) -> dict[str, Any]:
+    """Give what the page says of one kind of truth."""
+    full, own = ablation.full, ablation.reduced["states33_lever_arm"]
+    missed = own.modelled & (own.summary["share_within_bound"].to_numpy() < findings.ENOUGH)
+    kept = missed & (full["share_within_bound"].to_numpy() < findings.ENOUGH)
+    filters = [_filter_row(FULL, full)]
+    filters += [_filter_row(MODELS[end], ablation.reduced[end].summary) for end in _OMITTED]
+    return {
+        "name": name,
+        "unit": style.unit_text("accel_quadratic", full.attrs["quadratic_unit"]),
+        "missed": int(missed.sum()),
+        "modelled": int(own.modelled.sum()),
+        "kept": int(kept.sum()),
+        "largest": _times(own.cost.ratio[own.modelled].max()),
+        "filters": filters,
+        "rmse": _ratio_rows(ablation, _rmse_cell),
+        "tails": [
+            (MODELS[end], reduced.heaviest)
+            for end, reduced in ablation.reduced.items()
+            if reduced.one_run_decides
+        ],
+        "medians": _ratio_rows(ablation, _median_cell),
+        "biases": _bias_rows(ablation),
+    }
 
 
 def _filter_row(name: str, summary: xr.Dataset) -> tuple[str, ...]:
@@ -162,9 +129,9 @@ def _filter_row(name: str, summary: xr.Dataset) -> tuple[str, ...]:
     )
 
 
-def _ratio_table(ablation: Ablation, cell) -> str:
+def _ratio_rows(ablation: Ablation, cell: Callable[[Reduced, int], str]) -> list[tuple[str, ...]]:
     full = ablation.full
-    rows = [
+    return [
         (
             md.code(name),
             str(full["unit"].values[index]),
@@ -174,8 +141,6 @@ def _ratio_table(ablation: Ablation, cell) -> str:
         )
         for index, name in enumerate(NAMES)
     ]
-    headings = ("parameter", "unit", f"RMSE, {FULL} (95 %)", *(MODELS[end] for end in _OMITTED))
-    return md.table(headings, rows, 2)
 
 
 def _rmse_cell(reduced: Reduced, index: int) -> str:
@@ -197,9 +162,9 @@ def _cell(reduced: Reduced, index: int, ratio: float, low: float, high: float) -
     return text if reduced.modelled[index] else f"[{text}]"
 
 
-def _bias_table(ablation: Ablation) -> str:
+def _bias_rows(ablation: Ablation) -> list[tuple[str, ...]]:
     summaries = [ablation.full, *(ablation.reduced[end].summary for end in _OMITTED)]
-    rows = [
+    return [
         (
             md.code(name),
             str(ablation.full["unit"].values[index]),
@@ -210,5 +175,3 @@ def _bias_table(ablation: Ablation) -> str:
         )
         for index, name in enumerate(NAMES)
     ]
-    headings = ("parameter", "unit", FULL, *(MODELS[end] for end in _OMITTED))
-    return md.table(headings, rows, 2)

@@ -1,5 +1,7 @@
 """Text, numbers and figure of the comparison with the paper's Table 3."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -8,11 +10,14 @@ from pipeline.charts import style
 from pipeline.config.setup import Setup
 from pipeline.console.output import json_text
 from pipeline.paper import claims
-from pipeline.paper.accuracy_study import Checked, Study, kind_probability
-from pipeline.paper.noise import LEVEL, SCALES, SIGMAS
+from pipeline.paper.accuracy_study import Study, kind_probability
+from pipeline.paper.claims import TEMPLATES
+from pipeline.paper.noise import SCALES, SIGMAS
 from pipeline.study import verdict as verdicts
+from pipeline.study.findings import ENOUGH
 from pipeline.study.verdict import Verdict
 from pipeline.words import markdown as md
+from pipeline.words.render import render
 
 _RARE = 0.01  # probability on either side from which on a kind's errors are called atypical
 _ALIKE, _CORRELATED = (0.5, 2.0), 0.5  # sizes and correlation of errors of one cause
@@ -26,21 +31,17 @@ def claims_of(study: Study) -> claims.Page:
 
 def text(study: Study) -> str:
     """Compose the report in Markdown."""
-    sections = (
-        f"# {claims_of(study).title}",
-        _setup(study),
-        "## Is it reproduced?",
-        claims_of(study).table,
-        "## Truth and estimates",
-        _table(study),
-        "![Errors of both against the bounds](accuracy.png)",
-        _sizes(study),
-        "## The noise that would explain the paper's errors",
-        _explained(study),
-        "## How much noise each bound can bear",
-        _margins(study),
+    values = _setup(study) | _explained(study)
+    return render(
+        TEMPLATES,
+        "accuracy.md.jinja",
+        claims=claims_of(study),
+        estimates=_estimates(study),
+        one_pass=_one_pass(study),
+        margins=_margins(study),
+        checked_limits=study.checked,
+        **values,
     )
-    return "\n\n".join(sections) + "\n"
 
 
 def judge(study: Study) -> list[Verdict]:
@@ -49,7 +50,7 @@ def judge(study: Study) -> list[Verdict]:
     worst = int(np.argmin(share))
     lower = float(table["share_within_bound_lower"][worst])
     upper = float(table["share_within_bound_upper"][worst])
-    held = int((share >= LEVEL).sum())
+    held = int((share >= ENOUGH).sum())
     paper = float(np.abs(study.paper_error / study.bound).max())
     paper_name = NAMES[int(np.argmax(np.abs(study.paper_error / study.bound)))]
     own = float(np.abs((study.one_run - study.truth) / study.bound).max())
@@ -62,8 +63,8 @@ def judge(study: Study) -> list[Verdict]:
         ),
         verdicts.within("our run 0 keeps them", own, 1.0, f"largest error over bound {own:.2f}"),
         verdicts.share(
-            f"each bound is kept in {100 * LEVEL:g} % of runs",
-            *(lower, upper, LEVEL),
+            f"each bound is kept in {100 * ENOUGH:g} % of runs",
+            *(lower, upper, ENOUGH),
             f"{held} of {len(share)} parameters; fewest `{NAMES[worst]}`: "
             f"{md.share(share[worst], lower, upper)}",
         ),
@@ -79,25 +80,25 @@ def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def _setup(study: Study) -> str:
+def _setup(study: Study) -> dict[str, Any]:
     config = study.config
-    schedule = style.schedule_text({"schedule": vars(config.schedule)})
-    return (
-        f"{schedule}, {style.passes_text(config.estimator.passes)}, "
-        f"{study.runs} runs with the paper's truth; {config.noise.name} noise "
-        f"({style.noise_text(vars(config.noise))}). The paper states no noise: this is a choice. "
-        f"One 1e-9 of quadratic term is {Setup(config).quadratic_unit:.4g} s²/m here "
-        f"(`sensor.quadratic_unit={config.sensor.quadratic_unit}`)."
-    )
+    return {
+        "schedule": style.schedule_text({"schedule": vars(config.schedule)}),
+        "passes": style.passes_text(config.estimator.passes),
+        "runs": study.runs,
+        "noise": config.noise,
+        "noise_text": f"{config.noise.name} noise ({style.noise_text(vars(config.noise))})",
+        "quadratic_si": Setup(config).quadratic_unit,
+        "quadratic_unit": config.sensor.quadratic_unit,
+        "count": len(NAMES),
+        "level": ENOUGH,
+        "sigmas": SIGMAS,
+    }
 
 
-def _table(study: Study) -> str:
-    headings = (
-        *("parameter", "unit", "truth", "paper's estimate", "our run 0"),
-        *("our mean", "RMSE", "99.7 % of errors below", "bound", "paper's error over bound"),
-    )
+def _estimates(study: Study) -> list[tuple[str, ...]]:
     summary = study.summary
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for i in style.ORDER:
         rows.append(
             (
@@ -113,46 +114,22 @@ def _table(study: Study) -> str:
                 f"{abs(study.paper_error[i]) / study.bound[i]:.2f}",
             )
         )
-    return md.table(headings, rows, 2)
+    return rows
 
 
-def _sizes(study: Study) -> str:
-    bias, error = study.one_pass_bias, study.paper_error
-    correlation = float(np.corrcoef(bias / study.bound, error / study.bound)[0, 1])
-    size = _rms(bias / study.bound) / _rms(error / study.bound)
+def _one_pass(study: Study) -> dict[str, Any]:
+    """Compare the errors that one pass leaves with the paper's, in units of the bounds."""
+    bias, error = study.one_pass_bias / study.bound, study.paper_error / study.bound
+    correlation = float(np.corrcoef(bias, error)[0, 1])
+    size = _rms(bias) / _rms(error)
     alike = _ALIKE[0] <= size <= _ALIKE[1] and correlation >= _CORRELATED
-    return (
-        "A single pass leaves second-order errors that are the same in every run with this truth. "
-        f"They are {'perhaps' if alike else 'not'} what the paper's errors are: in units of the "
-        f"bounds, the mean error of one pass is {size:.2f} times the paper's in size, and its "
-        f"correlation with the paper's errors over the {len(NAMES)} parameters is "
-        f"{correlation:.2f}."
-    )
+    return {"size": size, "correlation": correlation, "alike": alike}
 
 
-def _explained(study: Study) -> str:
-    found, noise = study.explanation, study.config.noise
+def _explained(study: Study) -> dict[str, Any]:
+    found = study.explanation
     probability = kind_probability(study.paper_error, found.sigma)
-    odd = [kind for kind, p in probability.items() if not _RARE < p < 1.0 - _RARE]
     ratio = study.matched_rmse / found.sigma
-    small = [kind for kind in odd if probability[kind] <= _RARE]
-    lines = (
-        f"The paper's {len(NAMES)} errors are most likely with the gyros' noise times "
-        f"{found.gyro:.1f} (95 % region {found.gyro_range[0]:.1f} to {found.gyro_range[1]:.1f}), "
-        f"that is {found.gyro * noise.gyro_angle_random_walk_deg_per_sqrt_h:.2g} °/√h, and the "
-        f"noise of accelerometers and observations times {found.other:.1f} "
-        f"({found.other_range[0]:.1f} to {found.other_range[1]:.1f}), that is "
-        f"{found.other * noise.accel_white_noise_ug_per_sqrt_hz:.2g} µg/√Hz, "
-        f"{found.other * noise.velocity_observation_m_per_s:.2g} m/s and "
-        f"{found.other * noise.position_observation_m:.2g} m.",
-        f"There the sum of squared errors over predicted sigma is {found.chi_square:.1f}, "
-        f"{len(NAMES)} being typical.",
-        f"A campaign at that noise ({study.config.campaign.runs} runs, {study.matched_failed} "
-        f"failed) has RMSE over predicted sigma between {ratio.min():.2f} and {ratio.max():.2f}.",
-        f"Kinds whose errors are atypical there (probability below {100 * _RARE:g} % on one side): "
-        + (md.listed(f"`{k}` (too {'small' if k in small else 'large'})" for k in odd) or "none")
-        + ".",
-    )
     rows = [
         (
             md.code(kind),
@@ -166,17 +143,28 @@ def _explained(study: Study) -> str:
         for kind in KINDS
         for members in [np.array(KIND_OF) == kind]
     ]
-    headings = (
-        *("kind", "paper's errors, rms", "our RMSE", "sigma at that noise"),
-        *("RMSE at that noise", "unit", "probability of errors as small as the paper's"),
-    )
-    return f"{md.bullets(lines)}\n\n{md.table(headings, rows, 1)}"
+    return {
+        "found": found,
+        "matched": {
+            "runs": study.config.campaign.runs,
+            "failed": study.matched_failed,
+            "lowest": ratio.min(),
+            "highest": ratio.max(),
+        },
+        "rare": _RARE,
+        "atypical": [
+            (kind, "small" if p <= _RARE else "large")
+            for kind, p in probability.items()
+            if not _RARE < p < 1.0 - _RARE
+        ],
+        "kinds": rows,
+    }
 
 
-def _margins(study: Study) -> str:
+def _margins(study: Study) -> list[tuple[str, ...]]:
     noise = study.config.noise
     units = (noise.gyro_angle_random_walk_deg_per_sqrt_h, noise.accel_white_noise_ug_per_sqrt_hz)
-    rows = [
+    return [
         (
             md.code(kind),
             f"{md.sizes(study.bound[np.array(KIND_OF) == kind].tolist())} {KINDS[kind].unit}",
@@ -188,19 +176,6 @@ def _margins(study: Study) -> str:
         )
         for kind, margin in study.margins.items()
     ]
-    headings = (
-        *("kind", "bound", "gyro noise, °/√h", "times configured"),
-        *("accel. noise, µg/√Hz", "times configured"),
-    )
-    intro = (
-        f"The largest noise at which each bound holds in {100 * LEVEL:g} % of runs: predicted "
-        f"sigma of the worst parameter of the kind, times {SIGMAS:.3f}, equals the bound. One "
-        "sensor's noise is varied, the rest stays as configured. `none`: the bound fails at any "
-        "level of this noise, because the rest alone is too much."
-    )
-    return "\n\n".join(
-        (intro, md.table(headings, rows, 2), md.bullets(map(_checked_text, study.checked)))
-    )
 
 
 def margin_cells(factor: float, unit: float) -> tuple[str, str]:
@@ -210,17 +185,6 @@ def margin_cells(factor: float, unit: float) -> tuple[str, str]:
     if not np.isfinite(factor):
         return f"above {unit * SCALES[-1]:.2g}", f"above {SCALES[-1]:g}"
     return f"{unit * factor:.2g}", f"{factor:.2f}"
-
-
-def _checked_text(checked: Checked) -> str:
-    lower, upper = checked.interval
-    agrees = "agrees with" if lower <= LEVEL <= upper else "contradicts"
-    return (
-        f"Verified for the tightest bound under {checked.sensor} noise: a campaign at the limit of "
-        f"`{checked.kind}` keeps it, for `{checked.parameter}`, in {checked.within} of "
-        f"{checked.runs} runs ({100 * lower:.1f} to {100 * upper:.1f} %), which {agrees} the "
-        f"predicted {100 * LEVEL:g} %."
-    )
 
 
 def numbers(study: Study) -> str:

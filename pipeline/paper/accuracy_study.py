@@ -10,7 +10,7 @@ from inscal import experiment
 from inscal.parameters import KIND_OF, KINDS, NAMES, vector
 from inscal.statistics import wilson_interval
 from pipeline.campaign import store
-from pipeline.campaign.judged import summary_of
+from pipeline.campaign.judged import summary
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup, parameter_vector
 from pipeline.console.errors import DataError
@@ -155,7 +155,7 @@ def study_of(config: Config) -> Study:
         paper=paper,
         bound=bound,
         one_run=campaign["estimate"].isel(run=0).to_numpy(),
-        summary=summary_of(config, config.campaign.store),
+        summary=summary(config, config.campaign.store, campaign),
         one_pass_bias=np.nanmean(_errors(one_pass), axis=0),
         explanation=explanation,
         matched_rmse=np.sqrt(np.nanmean(np.square(matched), axis=0)),

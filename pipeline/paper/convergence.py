@@ -16,9 +16,11 @@ from pipeline.console.errors import ConfigError
 from pipeline.console.output import json_text
 from pipeline.paper import claims
 from pipeline.paper import values as paper_values
+from pipeline.paper.claims import TEMPLATES
 from pipeline.study import verdict as verdicts
 from pipeline.study.verdict import Verdict
 from pipeline.words import markdown as md
+from pipeline.words.render import render, sentence
 
 QUADRATIC, LEVER_ARM = "accel_quadratic", "lever_arm"
 GROUPS = (QUADRATIC, LEVER_ARM)
@@ -58,6 +60,11 @@ class Study:
     def duration(self) -> float:
         """Length of the path, s."""
         return float(self.time[-1])
+
+    @property
+    def last_turns(self) -> float:
+        """When the stretch begins in which the paper's lever arm settles, s."""
+        return self.duration - paper_values.LEVER_ARM_SETTLES_WITHIN_LAST_S
 
 
 def first_pass_errors(experiment: Experiment, runs: int, every: int) -> np.ndarray:
@@ -126,7 +133,7 @@ def judge(study: Study) -> list[Verdict]:
     """Verdicts on the two claims of when errors settle."""
     quadratic, lever = settling(study, QUADRATIC), settling(study, LEVER_ARM)
     latest = paper_values.QUADRATIC_SETTLED_S
-    start = study.duration - paper_values.LEVER_ARM_SETTLES_WITHIN_LAST_S
+    start = study.last_turns
     return [
         verdicts.within(
             f"the quadratic terms have settled by about {latest:g} s",
@@ -157,34 +164,28 @@ def claims_of(study: Study) -> claims.Page:
 
 def text(study: Study) -> str:
     """Compose the report in Markdown."""
-    config, runs = study.config, study.error[QUADRATIC].shape[2]
-    schedule = style.schedule_text({"schedule": vars(config.schedule)})
-    setup = (
-        f"{schedule}, {style.passes_text(config.estimator.passes)} (the classical filter), {runs} "
-        f"runs with `truth={config.truth.distribution}` ({study.failed} diverged); "
-        f"{config.noise.name} noise ({style.noise_text(vars(config.noise))}). A parameter counts "
-        f"as settled from the time on at which {_SHARE:g} % of runs are, and stay, within the "
-        "paper's accuracy bound; the paper does not say what it calls settled."
-    )
+    config = study.config
     rows = [
         (md.code(NAMES[INDEX[group]][i]), *_row(study, group, i))
         for group in GROUPS
         for i in range(3)
     ]
-    start = study.duration - paper_values.LEVER_ARM_SETTLES_WITHIN_LAST_S
-    headings = (
-        *("parameter", "unit", "bound", "settled (95 % of runs)", "filter's 3 sigma in bound"),
-        *(f"RMSE at {start:.0f} s", f"RMSE at {study.duration:.0f} s", "final sigma"),
+    return render(
+        TEMPLATES,
+        "convergence.md.jinja",
+        claims=claims_of(study),
+        schedule=style.schedule_text({"schedule": vars(config.schedule)}),
+        passes=style.passes_text(config.estimator.passes),
+        runs=study.error[QUADRATIC].shape[2],
+        truth=config.truth.distribution,
+        failed=study.failed,
+        noise=f"{config.noise.name} noise ({style.noise_text(vars(config.noise))})",
+        share=_SHARE,
+        rows=rows,
+        start=study.last_turns,
+        duration=study.duration,
+        lever_arm=lever_arm_text(study),
     )
-    sections = (
-        f"# {claims_of(study).title}",
-        setup,
-        claims_of(study).table,
-        "![Errors over time](convergence.png)",
-        md.table(headings, rows, 2),
-        lever_arm_text(study),
-    )
-    return "\n\n".join(sections) + "\n"
 
 
 def _row(study: Study, group: str, axis: int) -> tuple[str, ...]:
@@ -208,27 +209,20 @@ def rmse_around_last_turns(study: Study, group: str) -> tuple[np.ndarray, np.nda
     -------
     before, after : ndarray, shape (3,)
     """
-    start = study.duration - paper_values.LEVER_ARM_SETTLES_WITHIN_LAST_S
     rmse = np.sqrt(np.square(study.error[group]).mean(axis=2))
-    return rmse[np.searchsorted(study.time, start + 1e-6) - 1], rmse[-1]
+    return rmse[np.searchsorted(study.time, study.last_turns + 1e-6) - 1], rmse[-1]
 
 
 def lever_arm_text(study: Study) -> str:
     """Say what the last turns are to the lever arm here."""
     before, after = rmse_around_last_turns(study, LEVER_ARM)
-    gain = float(np.sqrt(np.mean(np.square(before)) / np.mean(np.square(after))))
-    start = study.duration - paper_values.LEVER_ARM_SETTLES_WITHIN_LAST_S
-    first = max(settling(study, LEVER_ARM))
-    when = (
-        f"it is within the bound from {first:.0f} s on, before the last turns begin"
-        if first < start
-        else "it needs the last turns to come within the bound"
-    )
-    return (
-        "Every turn excites the lever arm in this simulation, as it would on a table; a filter in "
-        "which it is excited in the last turns only would see it settle only there. Here "
-        f"{when}, and the last {study.duration - start:.0f} s improve its RMSE by a factor of "
-        f"{gain:.2f}."
+    return sentence(
+        TEMPLATES,
+        "lever_arm",
+        first=max(settling(study, LEVER_ARM)),
+        start=study.last_turns,
+        last=study.duration - study.last_turns,
+        gain=float(np.sqrt(np.mean(np.square(before)) / np.mean(np.square(after)))),
     )
 
 
@@ -245,7 +239,7 @@ def figure(study: Study) -> Figure:
     runs = study.error[QUADRATIC].shape[2]
     handles = [
         style.handle("run 0", color=_RUN_COLOR),
-        style.handle(f"95 % of {runs} runs", color=_BAND_COLOR, linewidth=6, alpha=0.35),
+        style.handle(f"{_SHARE:g} % of {runs} runs", color=_BAND_COLOR, linewidth=6, alpha=0.35),
         style.handle("filter's own ±3 sigma", color=style.PREDICTION_COLOR),
         style.handle("paper's bound", color=style.LIMIT_COLOR, linestyle="--", linewidth=1),
         style.handle("when the paper's settle", color=style.LIMIT_COLOR, linestyle=":"),
@@ -268,11 +262,7 @@ def _draw(axes: Axes, study: Study, group: str, axis: int) -> None:
         envelope = sign * 3.0 * study.sigma[group][:, axis]
         axes.plot(study.time, envelope, color=style.PREDICTION_COLOR, linewidth=1)
         axes.axhline(sign * bound, color=style.LIMIT_COLOR, linestyle="--", linewidth=1)
-    settles = (
-        paper_values.QUADRATIC_SETTLED_S
-        if group == QUADRATIC
-        else study.duration - paper_values.LEVER_ARM_SETTLES_WITHIN_LAST_S
-    )
+    settles = paper_values.QUADRATIC_SETTLED_S if group == QUADRATIC else study.last_turns
     axes.axvline(settles, color=style.LIMIT_COLOR, linestyle=":")
     axes.set_ylim(-5.0 * bound, 5.0 * bound)
     unit = style.unit_text(group, study.config.sensor.quadratic_unit)
@@ -281,10 +271,10 @@ def _draw(axes: Axes, study: Study, group: str, axis: int) -> None:
 
 
 def numbers(study: Study) -> str:
-    """JSON text of the settling times (null: never) and errors, in paper units."""
+    """JSON text of the settling times (infinite: never) and errors, in paper units."""
     content = {
         group: {
-            "settled_s": [t if np.isfinite(t) else None for t in settling(study, group)],
+            "settled_s": settling(study, group),
             "final_rmse": rmse_around_last_turns(study, group)[1].tolist(),
             "final_sigma": study.sigma[group][-1].tolist(),
         }

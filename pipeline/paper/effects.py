@@ -17,10 +17,11 @@ from pipeline.console.output import json_text
 from pipeline.console.progress import track
 from pipeline.paper import claims
 from pipeline.paper import values as paper_values
+from pipeline.paper.claims import TEMPLATES
 from pipeline.paper.config import PaperConfig
 from pipeline.study import verdict as verdicts
 from pipeline.study.verdict import Verdict
-from pipeline.words import markdown as md
+from pipeline.words.render import render, sentence
 
 QUADRATIC, LEVER_ARM = "quadratic term", "inner lever arm"
 CASES = (QUADRATIC, LEVER_ARM)
@@ -190,22 +191,6 @@ def claims_of(study: Study) -> claims.Page:
 def text(study: Study) -> str:
     """Compose the report in Markdown."""
     own, config = study.config.effects, study.config
-    quarter = 0.25 * 2.0 * np.pi / study.schuler_rate / 60.0
-    setup = (
-        f"One sensor error alone, in a level body (x north) navigated uncompensated for "
-        f"{own.duration_s:g} s with height held, against perfect sensors in the same motion. "
-        f"A {QUADRATIC} of {own.quadratic_1e_9:g}e-9, which is "
-        f"{own.quadratic_1e_9 * Setup(config).quadratic_unit:.3g} s²/m "
-        f"(`sensor.quadratic_unit={config.sensor.quadratic_unit}`), or an {LEVER_ARM} of "
-        f"{own.lever_arm_mm:g} mm, of the accelerometer that points north. Vibration: "
-        f"{own.vibration_rms_g:g} g rms at {own.vibration_frequency_hz:g} Hz along x, read at "
-        f"{own.vibration_rate_hz:g} Hz. Swing: ±{own.swing_amplitude_deg:g}° at "
-        f"{own.swing_frequency_hz:g} Hz about "
-        f"{own.swing_axis}, read at {own.swing_rate_hz:g} Hz. The paper states none of these "
-        "numbers; they are chosen to give its magnitudes, so the verdicts say that its figures are "
-        "possible, not that its motion was this one. A constant error of north specific force is "
-        f"largest in velocity after a quarter of a Schuler period, {quarter:.0f} min."
-    )
     rows = [
         (name, *(f"{study.largest(case, name):.3g}" for case in CASES)) for name in study.courses
     ]
@@ -213,30 +198,26 @@ def text(study: Study) -> str:
         (f"swing about {axis} instead", *(f"{largest(course, case):.3g}" for case in CASES))
         for axis, course in study.other_swings.items()
     ]
-    sections = (
-        f"# {claims_of(study).title}",
-        setup,
-        claims_of(study).table,
-        "![North velocity error](effects.png)",
-        "Largest north velocity error, m/s:",
-        md.table(("environment", *CASES), rows, 1),
-        other_swings_text(study),
+    return render(
+        TEMPLATES,
+        "effects.md.jinja",
+        claims=claims_of(study),
+        own=own,
+        quadratic_si=own.quadratic_1e_9 * Setup(config).quadratic_unit,
+        quadratic_unit=config.sensor.quadratic_unit,
+        quarter_min=0.25 * 2.0 * np.pi / study.schuler_rate / 60.0,
+        rows=rows,
+        headings=("environment", *CASES),
+        other_swings=other_swings_text(study),
     )
-    return "\n\n".join(sections) + "\n"
 
 
 def other_swings_text(study: Study) -> str:
     """Say whether a swing about another axis lets the quadratic term matter."""
     limit = _NEGLIGIBLE * _PAPER[QUADRATIC, VIBRATION]
     worst = {axis: largest(course, QUADRATIC) for axis, course in study.other_swings.items()}
-    matter = {axis: value for axis, value in worst.items() if value > limit}
-    if not matter:
-        return "About no axis does the swing make the quadratic term matter."
-    found = md.listed(f"{value:.2g} m/s about {axis}" for axis, value in matter.items())
-    return (
-        f"A swing that tilts the body lets the quadratic term feel gravity: {found}. That it "
-        "is negligible in slow motion holds for a body that stays level."
-    )
+    matter = [f"{value:.2g} m/s about {axis}" for axis, value in worst.items() if value > limit]
+    return sentence(TEMPLATES, "other_swings", swings=matter)
 
 
 @style.styled

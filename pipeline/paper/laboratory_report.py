@@ -1,5 +1,8 @@
 """Text, numbers and figure of the virtual laboratory experiment."""
 
+from itertools import takewhile
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -13,6 +16,7 @@ from pipeline.charts import style
 from pipeline.config.setup import Setup
 from pipeline.console.output import json_text
 from pipeline.paper import claims
+from pipeline.paper.claims import TEMPLATES
 from pipeline.paper.laboratory_study import (
     COMPENSATED,
     PERFECT,
@@ -24,6 +28,7 @@ from pipeline.paper.values import NAVIGATION_POSITION_ERROR_NMI, NAVIGATION_VELO
 from pipeline.study import verdict as verdicts
 from pipeline.study.verdict import Verdict
 from pipeline.words import markdown as md
+from pipeline.words.render import render, sentence
 
 _WITHIN_NOISE = 2.0  # standard deviations of a difference that noise explains
 _HONEST = 0.995  # quantile of the mean NEES up to which a calibration has converged
@@ -109,48 +114,34 @@ def claims_of(study: Study) -> claims.Page:
 
 def text(study: Study) -> str:
     """Compose the report in Markdown."""
-    sections = (
-        f"# {claims_of(study).title}",
-        _setup(study),
-        claims_of(study).table,
-        "## How coarse the coarse scale may be",
-        _residuals(study),
-        "## Repeatability of two calibrations",
-        _repeatability(study),
-        "## The path flown again",
-        _flown(study),
-    )
-    return "\n\n".join(sections) + "\n"
+    values = _setup(study) | _residuals(study) | _repeatability(study) | _flown(study)
+    return render(TEMPLATES, "laboratory.md.jinja", claims=claims_of(study), **values)
 
 
-def _setup(study: Study) -> str:
-    config, runs = study.config, study.estimate.shape[1]
-    own, first = config.laboratory, TABLE_4[0]
-    left = np.abs(study.truth[0])
-    gyro = left[[NAMES.index(f"gyro_k{i}{i}") for i in (1, 2, 3)]].max()
-    accel = left[[NAMES.index(f"accel_k{i}{i}") for i in (1, 2, 3)]].max()
-    return (
-        f"Truth is what the paper found on {TABLE_4[0].date} and {TABLE_4[1].date}; one 1e-9 of "
-        f"quadratic term is {Setup(config).quadratic_unit:.4g} s²/m "
-        f"(`sensor.quadratic_unit={config.sensor.quadratic_unit}`). Gyro scale factors of "
-        f"{md.listed(f'{s:.1f}' for s in first.gyro_scale_ppm)} ppm are no errors but relate to a "
-        "nominal scale that is not stated, so coarse factors of "
-        f"{md.sizes(own.coarse_gyro_scale_factor_ppm)} ppm and "
-        f"{md.sizes(own.coarse_accel_pulses_per_m_per_s)} pulses per m/s are applied first. "
-        f"Left to calibrate are up to {gyro:.0f} ppm of gyro and {accel:.0f} ppm of accelerometer "
-        f"scale, up to {left.max():.0f} ug of bias. {runs} experiments, each of two calibrations "
-        f"({style.passes_text(config.estimator.passes)}, priors of that width) and a flight with "
-        f"noise of their own; {config.noise.name} noise ({style.noise_text(vars(config.noise))}), "
-        "which is a choice: the paper states none."
-    )
+def _setup(study: Study) -> dict[str, Any]:
+    config, left = study.config, np.abs(study.truth[0])
+    scale = {
+        sensor: left[[NAMES.index(f"{sensor}_k{i}{i}") for i in (1, 2, 3)]].max()
+        for sensor in ("gyro", "accel")
+    }
+    return {
+        "dates": [calibration.date for calibration in TABLE_4],
+        "quadratic_si": Setup(config).quadratic_unit,
+        "quadratic_unit": config.sensor.quadratic_unit,
+        "gyro_scale": [f"{ppm:.1f}" for ppm in TABLE_4[0].gyro_scale_ppm],
+        "own": config.laboratory,
+        "left": scale | {"bias": left.max()},
+        "runs": study.estimate.shape[1],
+        "count": COUNT,
+        "passes": style.passes_text(config.estimator.passes),
+        "noise": f"{config.noise.name} noise ({style.noise_text(vars(config.noise))})",
+    }
 
 
-def _residuals(study: Study) -> str:
-    lines = []
-    for sensor in dict.fromkeys(r.sensor for r in study.residuals):
-        for passes in dict.fromkeys(r.passes for r in study.residuals):
-            own = [r for r in study.residuals if (r.sensor, r.passes) == (sensor, passes)]
-            lines.append(f"{sensor}, {style.passes_text(passes)}: {reach_text(own)}")
+def _residuals(study: Study) -> dict[str, Any]:
+    groups: dict[tuple[str, int], list[Residual]] = {}
+    for residual in study.residuals:
+        groups.setdefault((residual.sensor, residual.passes), []).append(residual)
     rows = [
         (
             *(r.sensor, f"{r.passes}", f"{r.ppm:g}", f"{r.failed} of {r.runs}"),
@@ -158,24 +149,21 @@ def _residuals(study: Study) -> str:
         )
         for r in study.residuals
     ]
-    headings = ("scale of", "passes", "residual, ppm", "diverged", "mean NEES", "converged")
-    intro = (
-        "Units whose only error is the scale of all three gyros or all three accelerometers, with "
-        "a prior as wide as that error. Converged means that no run diverged and that the mean "
-        f"NEES is what {COUNT} parameters make it."
-    )
-    return "\n\n".join((intro, md.bullets(lines), md.table(headings, rows, 1)))
+    reaches = [
+        (sensor, style.passes_text(passes), reach_text(own))
+        for (sensor, passes), own in groups.items()
+    ]
+    return {"reaches": reaches, "residuals": rows}
 
 
 def reach_text(residuals: list[Residual]) -> str:
     """Say up to which residual calibrations converge; `residuals` in ascending order."""
-    failing = next((i for i, r in enumerate(residuals) if not converged(r)), None)
-    if failing is None:
-        return f"all converge, up to {residuals[-1].ppm:g} ppm"
-    if failing == 0:
-        return f"does not converge at {residuals[0].ppm:g} ppm, the smallest tried"
-    return (
-        f"converges up to {residuals[failing - 1].ppm:g} ppm, not at {residuals[failing].ppm:g} ppm"
+    good = list(takewhile(converged, residuals))
+    return sentence(
+        TEMPLATES,
+        "reach",
+        good=good[-1].ppm if good else None,
+        failing=residuals[len(good)].ppm if len(good) < len(residuals) else None,
     )
 
 
@@ -194,11 +182,9 @@ def repeatability(study: Study) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return paper, study.estimate[1] - study.estimate[0], np.sqrt(2.0) * study.sigma
 
 
-def _repeatability(study: Study) -> str:
+def _repeatability(study: Study) -> dict[str, Any]:
     paper, ours, predicted = repeatability(study)
-    spread = np.sqrt(np.square((ours - paper) / predicted).mean())
     noise = np.abs(paper) <= _WITHIN_NOISE * predicted
-    real = [NAMES[i] for i in np.flatnonzero(~noise)]
     rows = [
         (
             *(md.code(NAMES[i]), UNITS[i], f"{paper[i]:.3g}", f"{ours[0, i]:.3g}"),
@@ -206,22 +192,18 @@ def _repeatability(study: Study) -> str:
         )
         for i in style.ORDER
     ]
-    headings = (
-        *("parameter", "unit", "paper's difference", "ours, experiment 0"),
-        *("sqrt(2) predicted sigma", "paper's over that"),
-    )
-    intro = (
-        "The truth drifts by the paper's differences (gyro scale and installation as seen after "
-        "the coarse scale, so divided by 1.44). Ours scatter about them by "
-        f"{spread:.2f} times sqrt(2) predicted sigma, over {len(ours)} experiments. "
-        f"{int(noise.sum())} of the paper's {len(paper)} differences are within "
-        f"{_WITHIN_NOISE:g} such sigma; the other {len(real)}{md.named(real)} are real drift, or "
-        "noise larger than the configured one."
-    )
-    return f"{intro}\n\n{md.table(headings, rows, 2)}"
+    coarse = {f"{1.0 + 1e-6 * c:.3g}" for c in study.config.laboratory.coarse_gyro_scale_factor_ppm}
+    return {
+        "coarse_factor": ", ".join(sorted(coarse)),
+        "spread": np.sqrt(np.square((ours - paper) / predicted).mean()),
+        "within_noise": int(noise.sum()),
+        "noise_sigmas": _WITHIN_NOISE,
+        "drifting": [NAMES[i] for i in np.flatnonzero(~noise)],
+        "differences": rows,
+    }
 
 
-def _flown(study: Study) -> str:
+def _flown(study: Study) -> dict[str, Any]:
     rows = [
         (
             name,
@@ -231,37 +213,29 @@ def _flown(study: Study) -> str:
         )
         for name, flight in study.flights.items()
     ]
-    headings = (
-        *("sensors", "velocity error, m/s, run 0", f"{_SPREAD:g} % of runs"),
-        *("position error, nmi, run 0", f"{_SPREAD:g} % of runs", "rms at the end, nmi"),
-    )
     floor, compensated = final_rms(study.flights[PERFECT]), final_rms(study.flights[COMPENSATED])
-    needed = NAVIGATION_POSITION_ERROR_NMI / floor
-    noise = study.config.noise.gyro_angle_random_walk_deg_per_sqrt_h
-    duration = study.flights[PERFECT].time[-1]
-    lines = (
-        f"Free inertial for {duration:.0f} s along the path, height held, from perfect alignment, "
-        "compensated by the second calibration or by nothing but the coarse scale. Largest errors "
-        "of the flight:",
-        md.table(headings, rows, 1),
-        "![Velocity and position errors](laboratory.png)",
-        f"At the end the position error is {compensated:.3f} nmi rms, against a floor of "
-        f"{floor:.3f} nmi that the noise of perfectly known sensors leaves: calibration errors add "
-        f"{'little' if compensated < _LITTLE * floor else 'much'}. For "
-        f"{NAVIGATION_POSITION_ERROR_NMI:g} nmi rms all noise would have to be {needed:.3f} times "
-        f"as large, the gyros' random walk {noise * needed:.1g} °/√h instead of {noise:g}. "
-        + bounds_text(_schuler_swing(study)),
-    )
-    return "\n\n".join(lines)
+    return {
+        "duration": study.flights[PERFECT].time[-1],
+        "flights": rows,
+        "share": _SPREAD,
+        "compensated": compensated,
+        "floor": floor,
+        "little": compensated < _LITTLE * floor,
+        "position": NAVIGATION_POSITION_ERROR_NMI,
+        "needed": NAVIGATION_POSITION_ERROR_NMI / floor,
+        "walk": study.config.noise.gyro_angle_random_walk_deg_per_sqrt_h,
+        "bounds": bounds_text(_schuler_swing(study)),
+    }
 
 
 def bounds_text(swing: float) -> str:
     """Say whether the paper's two bounds agree; `swing` as from its velocity bound, in nmi."""
-    agree = swing <= NAVIGATION_POSITION_ERROR_NMI
-    return (
-        f"An oscillation of {NAVIGATION_VELOCITY_ERROR:g} m/s at the Schuler rate swings "
-        f"{swing:.2f} nmi, {swing / NAVIGATION_POSITION_ERROR_NMI:.0f} times the printed bound of "
-        f"position: the two printed bounds {'agree' if agree else 'do not go together'}."
+    return sentence(
+        TEMPLATES,
+        "navigation_bounds",
+        swing=swing,
+        velocity=NAVIGATION_VELOCITY_ERROR,
+        position=NAVIGATION_POSITION_ERROR_NMI,
     )
 
 
@@ -353,10 +327,7 @@ def numbers(study: Study) -> str:
             }
             for name, flight in study.flights.items()
         },
-        "residuals": [
-            {**vars(r), "nees": r.nees if np.isfinite(r.nees) else None, "converged": converged(r)}
-            for r in study.residuals
-        ],
+        "residuals": [{**vars(r), "converged": converged(r)} for r in study.residuals],
         "repeatability": {
             name: {
                 "unit": UNITS[i],

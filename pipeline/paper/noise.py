@@ -18,11 +18,10 @@ from inscal.state_model import StateModel, build_transitions
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.progress import track
+from pipeline.study.findings import ENOUGH
+from pipeline.study.verdict import sigmas_of
 
-LEVEL = 0.99
-"""Share of runs in which a bound has to hold."""
-
-SIGMAS = float(stats.norm.ppf(0.5 * (1.0 + LEVEL)))
+SIGMAS = sigmas_of(ENOUGH)
 """Standard deviations that hold it."""
 
 SCALES = np.geomspace(0.25, 256.0, 11)
@@ -143,7 +142,7 @@ def explain(errors: np.ndarray, table: np.ndarray) -> Explanation:
 
 
 def margins(sigma_at: Callable[[float], np.ndarray], bound: np.ndarray) -> dict[str, float]:
-    """Largest noise scale at which each kind's bound holds in `LEVEL` of runs.
+    """Largest noise scale at which each kind's bound holds in `ENOUGH` of runs.
 
     Parameters
     ----------

@@ -8,11 +8,13 @@ from inscal.parameters import INDEX, NAMES
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.paper import claims
+from pipeline.paper.claims import TEMPLATES
 from pipeline.study import verdict as verdicts
 from pipeline.study.findings import ENOUGH
 from pipeline.study.observability import Course
 from pipeline.study.verdict import MET, NOT_MET, Verdict
 from pipeline.words import markdown as md
+from pipeline.words.render import render
 
 Readings = Mapping[tuple[str, str], Course]
 """Predictions by `sensor.quadratic_unit` and noise."""
@@ -32,8 +34,8 @@ def quadratic_text(config: Config, readings: Readings) -> str:
     str
         Markdown.
     """
-    bound, numbers = Setup(config).bound, np.arange(len(NAMES))
-    texts, judged = _reading_texts(config), judge(config, readings)
+    texts, bound = _reading_texts(config), Setup(config).bound
+    numbers = np.arange(len(NAMES))
     rows = [
         (
             texts[unit],
@@ -47,22 +49,21 @@ def quadratic_text(config: Config, readings: Readings) -> str:
         for (unit, noise), course in readings.items()
         for index in (*numbers[INDEX["accel_quadratic"]], *numbers[INDEX["accel_bias"]])
     ]
-    headings = ("reading of 1e-9", "noise", "parameter", "sigma", "of the initial one", "bound")
-    sections = (
-        f"# {judged.title}",
-        "The paper prints its quadratic terms in 1e-9 s²/m and writes them on pulse rates. The "
-        "default here is pulse rates; `sensor.quadratic_unit=si` reads the unit at face value. "
-        f"Both are predicted by the covariance recursion for {config.schedule.name}; quadratic "
-        "terms in 1e-9, biases in µg. The filter's initial sigma is "
-        f"{md.sizes(config.estimator.initial_std.accel_quadratic_1e_9)}e-9 in either reading, the "
-        "size of the errors that the paper simulates.",
-        "Claim of the paper: quadratic terms better than "
-        f"{md.sizes(config.bounds.accel_quadratic_1e_9)}e-9.",
-        judged.table,
-        md.table((*headings, "bound / sigma"), rows, 3),
-        _consequence(config, readings),
+    pulse, si = (readings[unit, config.noise.name] for unit in ("pulse", "si"))
+    held = {
+        unit for (unit, _), course in readings.items() if bound_verdict(course, bound).word == MET
+    }
+    return render(
+        TEMPLATES,
+        "quadratic_unit.md.jinja",
+        claims=judge(config, readings),
+        schedule=config.schedule.name,
+        initial=config.estimator.initial_std.accel_quadratic_1e_9,
+        bound=config.bounds.accel_quadratic_1e_9,
+        rows=rows,
+        ratio=(si.final_std / pulse.final_std)[INDEX["accel_bias"]],
+        told_apart=len(held) == 1,
     )
-    return "\n\n".join(sections) + "\n"
 
 
 def judge(config: Config, readings: Readings) -> claims.Page:
@@ -97,22 +98,3 @@ def _reading_texts(config: Config) -> dict[str, str]:
         "pulse": f"on pulse rates, {config.sensor.accel_pulses_per_m_per_s:g} pulses per m/s",
         "si": "SI at face value, s²/m",
     }
-
-
-def _consequence(config: Config, readings: Readings) -> str:
-    bound, bias = Setup(config).bound, INDEX["accel_bias"]
-    pulse, si = (readings[unit, config.noise.name] for unit in ("pulse", "si"))
-    ratio = (si.final_std / pulse.final_std)[bias]
-    held = {unit for (unit, _), c in readings.items() if bound_verdict(c, bound).word == MET}
-    reach = (
-        "only one of the two leaves the bound within reach of these noise levels"
-        if len(held) == 1
-        else "the bound does not tell the two apart at these noise levels"
-    )
-    return (
-        f"Read in SI, the sigma of the accelerometer biases is {ratio.min():.2f} to "
-        f"{ratio.max():.2f} of what it is on pulse rates: a quadratic term known beforehand to a "
-        "fraction of a µg at 1 g need not be told from the bias. Which reading the paper means "
-        "cannot be judged, because it states no unit of its scale factor; as for evidence, "
-        f"{reach}."
-    )

@@ -15,13 +15,17 @@ from pipeline.config.setup import Setup
 from pipeline.paper.tables import TABLE_1_POSTURES, TABLE_1_ROTATIONS, TABLE_2_RANKS
 from pipeline.study.observability import CONVENTIONS, Course, course_of, rank_counts
 
+LEVER_FROM = 20
+"""Number of the position from which on the paper's rank is 36."""
+
 LAST_SIX = "the same, lever arms in the last six turns only"
-FROM_20 = "the same, lever arms from position 20 only"
+FROM_20 = f"the same, lever arms from position {LEVER_FROM} only"
 SEARCHED = "searched"
 
+SEARCHED_DWELL_S, SEARCHED_TURN_RATE_DEG_PER_S = 100.0, 20.0
+"""Of the convention that a search found."""
+
 _LAST_SIX = 19  # number of the position whose turn is the first of the last six
-_FROM = 20  # number of the position from which on the paper's rank is 36
-_DWELL_S, _TURN_RATE_DEG_PER_S = 100.0, 20.0  # of the convention that a search found
 _OTHER_DWELLS_S = (90.0, 95.0, 105.0, 110.0)
 
 
@@ -128,8 +132,8 @@ def conventions(config: Config) -> dict[str, obs.Convention]:
     both = obs.Convention(gyro="turning", lever="turning")
     return CONVENTIONS | {
         LAST_SIX: replace(both, lever_from=_LAST_SIX),
-        FROM_20: replace(both, lever_from=_FROM),
-        SEARCHED: searched(config, _DWELL_S),
+        FROM_20: replace(both, lever_from=LEVER_FROM),
+        SEARCHED: searched(config, SEARCHED_DWELL_S),
     }
 
 
@@ -137,14 +141,14 @@ def searched(config: Config, dwell_s: float) -> obs.Convention:
     """Averages over turn in, dwell and turn out, of the Earth's rate alone for the gyros."""
     return obs.Convention(
         lever="turning",
-        lever_from=_FROM,
-        window=obs.Window(dwell_s, _TURN_RATE_DEG_PER_S * units.DEGREE),
+        lever_from=LEVER_FROM,
+        window=obs.Window(dwell_s, SEARCHED_TURN_RATE_DEG_PER_S * units.DEGREE),
         quadratic_scale=config.sensor.accel_pulses_per_m_per_s,
     )
 
 
 def _neighbours(config: Config) -> dict[str, tuple[Config, obs.Convention]]:
-    found = searched(config, _DWELL_S)
+    found = searched(config, SEARCHED_DWELL_S)
     out = {f"dwell of {t:g} s": (config, searched(config, t)) for t in _OTHER_DWELLS_S}
     out["D2 on specific force (SI)"] = config, replace(found, quadratic_scale=1.0)
     for latitude in (30.0, 45.0):
@@ -175,7 +179,7 @@ def structure_of(config: Config) -> Structure:
         and postures(head) == postures(path)[: count + 1],
         counts={name: Count(*rank_counts(config, c)) for name, c in conventions(config).items()},
         by_matlab=obs.ranks(
-            obs.system_matrices(path, Setup(config).site, searched(config, _DWELL_S)),
+            obs.system_matrices(path, Setup(config).site, searched(config, SEARCHED_DWELL_S)),
             "matlab",
         ),
         neighbours={n: Count(*rank_counts(*pair)) for n, pair in _neighbours(config).items()},
