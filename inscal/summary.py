@@ -38,7 +38,7 @@ _TRUTH_TOLERANCE = 1e-9
 
 
 def summarize(campaign: xr.Dataset, bound: xr.DataArray) -> xr.Dataset:
-    """Error statistics of the runs done, per parameter and of the whole campaign.
+    """Error statistics of a campaign, per parameter and as a whole.
 
     Parameters
     ----------
@@ -59,11 +59,12 @@ def summarize(campaign: xr.Dataset, bound: xr.DataArray) -> xr.Dataset:
         - coverage_1_sigma, coverage_2_sigma, coverage_3_sigma (_lower, _upper), with the share
           expected of normal errors as attribute `nominal`; bias_eliminated_coverage of 2 sigma,
           bias_eliminated_coverage_mcse;
-        - bound, share_within_bound (_lower, _upper).
+        - bound, share_within_bound (_lower, _upper), of the runs done or failed.
 
-        Scalars: runs_done, runs_failed; joint_share (_lower, _upper) of runs with every parameter
-        within its bound; nees_mean, and nees_lower and nees_upper between which it lies if the
-        filter is consistent; precision, the worst relative half-width of the RMSE intervals.
+        Scalars: runs_done, runs_failed; joint_share (_lower, _upper), of the runs done or failed,
+        with every parameter within its bound, a failed run being within none; nees_mean, and
+        nees_lower and nees_upper between which it lies if the filter is consistent; precision, the
+        worst relative half-width of the RMSE intervals.
 
         With one run done whatever needs a scatter is NaN; so is, of a parameter the filter does
         not model, whatever compares with its predicted standard deviation.
@@ -83,9 +84,9 @@ def summarize(campaign: xr.Dataset, bound: xr.DataArray) -> xr.Dataset:
 
     columns = _error_columns(error)
     columns |= _prediction_columns(error, predicted)
-    columns |= _bound_columns(error, limit)
-    columns |= _nees_scalars(done["nees"].to_numpy(), int((predicted > 0.0).sum()))
     failed = int((campaign["status"] == FAILED).sum())
+    columns |= _bound_columns(error, limit, failed)
+    columns |= _nees_scalars(done["nees"].to_numpy(), int((predicted > 0.0).sum()))
     columns["runs_done"] = _variable(len(error), "runs done", "1")
     columns["runs_failed"] = _variable(failed, "runs failed", "1")
     return xr.Dataset(columns, coords=_labels(done), attrs={"confidence": CONFIDENCE})
@@ -251,10 +252,11 @@ def _prediction_columns(error: np.ndarray, predicted: np.ndarray) -> dict[str, x
     return columns
 
 
-def _bound_columns(error: np.ndarray, limit: np.ndarray) -> dict[str, xr.Variable]:
-    share = statistics.share_within(error, limit, CONFIDENCE)
-    all_within = (np.abs(error) <= limit).all(axis=1)
-    joint = statistics.wilson_interval(all_within.sum(), len(error), CONFIDENCE)
+def _bound_columns(error: np.ndarray, limit: np.ndarray, failed: int) -> dict[str, xr.Variable]:
+    """Shares of all runs made: one that failed gave nothing, and misses every bound."""
+    within, made = np.abs(error) <= limit, len(error) + failed
+    share = statistics.wilson_interval(within.sum(axis=0), made, CONFIDENCE)
+    joint = statistics.wilson_interval(within.all(axis=1).sum(), made, CONFIDENCE)
     return {
         "bound": _variable(limit, "accuracy bound", _PARAMETER_UNIT),
         **_with_interval("share_within_bound", share, "share of runs within bound", "1"),

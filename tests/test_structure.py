@@ -1,4 +1,4 @@
-"""The rules of the house, read from the source: rooms, doors, the wing, and what stages depend on."""
+"""The rules of the house, read from the source: rooms, doors, the wing, dependencies of stages."""
 
 import re
 from pathlib import Path

@@ -8,6 +8,7 @@ from scipy import stats
 
 from inscal import statistics
 from inscal.parameters import COUNT, NAMES, UNITS, paper_bounds, paper_truth
+from inscal.statistics import wilson_interval
 from inscal.summary import compare, summarize
 
 SIGMA = paper_bounds() / 2.0
@@ -98,7 +99,22 @@ def test_only_runs_done_count_and_the_others_may_hold_anything():
     error[1::2] = np.nan
     summary = summarize(campaign(error, status), BOUND)
     assert (summary["runs_done"], summary["runs_failed"]) == (4, 3)
-    xr.testing.assert_identical(summary.drop_vars("runs_failed"), all_done.drop_vars("runs_failed"))
+    others = [n for n in summary.data_vars if "share" in str(n)] + ["runs_failed"]
+    xr.testing.assert_identical(summary.drop_vars(others), all_done.drop_vars(others))
+
+
+def test_a_failed_run_misses_every_bound():
+    error = normal_errors(8, 3)
+    status = [1, 2, 1, 0, 1, 2, 1, 2]
+    summary = summarize(campaign(error, status), BOUND)
+    within = np.abs(error[::2]) <= BOUND.to_numpy()
+    expected = wilson_interval(within.sum(axis=0), 7, 0.95)
+    np.testing.assert_array_equal(summary["share_within_bound"], expected.value)
+    np.testing.assert_array_equal(summary["share_within_bound_lower"], expected.lower)
+    np.testing.assert_array_equal(summary["share_within_bound_upper"], expected.upper)
+    joint = wilson_interval(within.all(axis=1).sum(), 7, 0.95)
+    assert float(summary["joint_share"]) == joint.value
+    assert float(summary["joint_share_upper"]) == joint.upper
 
 
 @settings(deadline=None, max_examples=30)
