@@ -197,14 +197,16 @@ def _table(keys: list[Key]) -> str:
 def stages() -> list[tuple[str, str, str]]:
     """Module name, summary and usage line of every stage."""
     out = []
-    for path in sorted((_ROOT / "pipeline").glob("*.py")):
+    pipeline = _ROOT / "pipeline"
+    for path in sorted([*pipeline.glob("*.py"), *pipeline.glob("*/__main__.py")]):
         doc = ast.get_docstring(ast.parse(path.read_text())) or ""
         found = re.match(r"Stage `[\w-]+`: (.*?)\n\n(.*)", doc, re.S)
         if found:
             usage = re.search(r"Usage:\s*``(.+?)``", found[2], re.S)
             assert usage, f"{path} has no usage line"
             summary = " ".join(found[1].split()).replace("``", "`")
-            out.append((path.stem, summary, " ".join(usage[1].split())))
+            name = path.parent.name if path.stem == "__main__" else path.stem
+            out.append((name, summary, " ".join(usage[1].split())))
     return out
 
 
@@ -225,7 +227,7 @@ class _Generated(SphinxDirective):
         raise NotImplementedError
 
     def run(self) -> list[nodes.Node]:
-        for path in [*(_ROOT / "conf").rglob("*.yaml"), *(_ROOT / "pipeline").glob("*.py")]:
+        for path in [*(_ROOT / "conf").rglob("*.yaml"), *(_ROOT / "pipeline").rglob("*.py")]:
             self.env.note_dependency(str(path))
         self.content = StringList(self.text().splitlines(), "generated")
         self.content_offset = 0
