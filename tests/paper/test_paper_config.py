@@ -1,12 +1,15 @@
 """What the paper's other experiments add to the configuration, and what is refused there."""
 
+import re
+from dataclasses import fields
+
 import pytest
 from campaigns import SHORT
 
 from pipeline.campaign import store
 from pipeline.config.load import config_of, load, resolved
 from pipeline.console.errors import ConfigError
-from pipeline.paper.config import PROGRAM
+from pipeline.paper.config import PROGRAM, Effects, Laboratory
 
 
 def test_the_papers_groups_come_on_top_of_the_products():
@@ -44,6 +47,16 @@ def test_refusal_is_one_line_with_key_value_and_what_is_allowed(override, said):
         load([override], PROGRAM)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("schema", [Effects, Laboratory])
+def test_every_key_has_a_meaning(schema):
+    described = {
+        name
+        for names in re.findall(r"^ *(\w+(?:, \w+)*) : ", schema.__doc__, re.M)
+        for name in names.split(", ")
+    }
+    assert described == {field.name for field in fields(schema)}
 
 
 def test_the_product_knows_nothing_of_them():
