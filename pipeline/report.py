@@ -1,10 +1,11 @@
 """Stage `report`: what the campaigns show, in ``results/report.md`` and ``results/report.html``.
 
 Usage: ``python -m pipeline.report [campaigns=[STORE,...]] [out=FILE.html]``. Without arguments it
-reports on the study, after summarize, compare, figures and paper. With `campaigns` it writes a page
-of these stores alone, the first being the main one, to `out` or beside the first store; they may be
-half-finished. The text is composed from the numbers: no result is written here, and every verdict
-follows by a rule of `pipeline.study.findings`.
+reports on the study, after summarize, compare and figures; the reproduction of the paper is in it
+where `paper` has left its claims. With `campaigns` it writes a page of these stores alone, the
+first being the main one, to `out` or beside the first store; they may be half-finished. The text is
+composed from the numbers: no result is written here, and every verdict follows by a rule of
+`pipeline.study.findings`.
 
 For example::
 

@@ -141,12 +141,10 @@ def judge(study: Study) -> list[Verdict]:
             latest + _EARLY_S,
             f"{_times(quadratic)} (x, y, z)",
         ),
-        Verdict(
+        verdicts.judged(
             f"the lever arm settles in the last {study.duration - start:g} s, from {start:g} s on",
             f"{_times(lever)} (x, y, z)",
-            verdicts.MET
-            if all(start - _EARLY_S <= t <= study.duration for t in lever)
-            else verdicts.NOT_MET,
+            all(start - _EARLY_S <= t <= study.duration for t in lever),
         ),
     ]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy import stats
+from scipy import special, stats
 from scipy.interpolate import RegularGridInterpolator
 
 from inscal.parameters import KIND_OF, KINDS
@@ -19,10 +19,9 @@ from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.progress import track
 from pipeline.study.findings import ENOUGH
-from pipeline.study.verdict import sigmas_of
 
-SIGMAS = sigmas_of(ENOUGH)
-"""Standard deviations that hold it."""
+SIGMAS = float(special.ndtri(0.5 * (1.0 + ENOUGH)))
+"""Standard deviations within which the share `ENOUGH` of normal errors stays."""
 
 SCALES = np.geomspace(0.25, 256.0, 11)
 """Noise scales of the sweep, in units of the configured noise; a factor of 2 from one to the next,

@@ -9,8 +9,8 @@ from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.paper import claims
 from pipeline.paper.claims import TEMPLATES
+from pipeline.paper.noise import SIGMAS
 from pipeline.study import verdict as verdicts
-from pipeline.study.findings import ENOUGH
 from pipeline.study.observability import Course
 from pipeline.study.verdict import MET, NOT_MET, Verdict
 from pipeline.words import markdown as md
@@ -88,8 +88,8 @@ def bound_verdict(course: Course, bound: np.ndarray) -> Verdict:
     left = course.share[-1, quadratic].max()
     return verdicts.judged(
         "the bound of the quadratic terms holds",
-        bool(sigmas >= verdicts.sigmas_of(ENOUGH)),
         f"bound at {sigmas:.2g} sigmas, {100 * left:.2g} % of the initial sigma left",
+        bool(sigmas >= SIGMAS),
     )
 
 

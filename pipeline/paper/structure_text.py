@@ -83,8 +83,8 @@ def path_verdict(structure: Structure) -> Verdict:
     agree, total = sum(row.agrees for row in structure.rows), len(structure.rows)
     return verdicts.judged(
         "Table 1: each posture follows from the one above",
-        agree == total,
         f"{agree} of {total} rows agree",
+        agree == total,
     )
 
 
@@ -92,8 +92,8 @@ def head_verdict(structure: Structure) -> Verdict:
     """Judge whether the classic path is the head of the paper's."""
     return verdicts.judged(
         f"The classic {CLASSIC_POSITIONS} positions are the head of the {len(structure.rows)}",
-        structure.classic_is_head,
         f"{CLASSIC_POSITIONS} postures and {CLASSIC_POSITIONS - 1} turns compared",
+        structure.classic_is_head,
     )
 
 
@@ -120,8 +120,8 @@ def complete_verdict(structure: Structure) -> Verdict:
     dwells = [int(r.rank[-1]) for r in _both(structure.counts[_DWELLS])]
     return verdicts.judged(
         f"{len(structure.rows)} positions make all {STATES} states observable",
-        min(final) == STATES,
         f"rank {md.ends(final)} with turns on gyros and lever arms, {md.ends(dwells)} without",
+        min(final) == STATES,
     )
 
 
@@ -136,8 +136,8 @@ def added_turns_verdict(structure: Structure) -> Verdict:
     )
     return verdicts.judged(
         f"It takes the six added turns for rank {STATES}",
-        bool(early) and min(early) >= CLASSIC_POSITIONS,
         found,
+        bool(early) and min(early) >= CLASSIC_POSITIONS,
     )
 
 
