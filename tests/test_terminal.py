@@ -11,12 +11,12 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-import numba
 import pytest
 from campaigns import SHORT, make, run_stage
 
 from inscal.parameters import NAMES, UNITS
 from pipeline import compare, observe, predict, summarize
+from pipeline.config import setup
 from pipeline.config.load import load
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
@@ -226,11 +226,11 @@ def test_a_terminal_sees_a_bar(monkeypatch, capsys):
     assert capsys.readouterr().out == ""
 
 
-def test_compilation_is_announced_to_a_terminal(tmp_path, monkeypatch):
+def test_compilation_is_announced_to_a_terminal(monkeypatch):
     config = load([*SHORT])
     for there, terminal, said in ((False, True, 1), (True, True, 0), (False, False, 0)):
         stream = Terminal() if terminal else io.StringIO()
         monkeypatch.setattr(sys, "stderr", stream)
-        monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path if there else tmp_path / "x"))
+        monkeypatch.setattr(setup, "is_compiled", lambda _, there=there: there)
         Setup(replace(config)).experiment
         assert stream.getvalue().count("compiling the kernels, once") == said

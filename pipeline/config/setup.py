@@ -2,16 +2,17 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from inscal import parameters, schedule, units
+from inscal.estimator import Belief
 from inscal.experiment import Experiment, prepare
+from inscal.kernel import is_compiled
 from inscal.motion import Site
 from inscal.recursion import Gains, InitialStd, compute_gains
-from inscal.simulation import TruthModel
+from inscal.simulation import Truth, TruthModel
 from inscal.state_model import NoiseModel, StateModel, Transitions, build_transitions
 from pipeline.config.schema import Config, KindValues
 from pipeline.console.progress import note
@@ -114,17 +115,20 @@ class Setup:
     @cached_property
     def experiment(self) -> Experiment:
         """All that the runs of a campaign share."""
-        _tell_of_compilation()
+        if not is_compiled("calibrator"):
+            note("compiling the kernels, once: some ten seconds")
         return prepare(
             self.config.campaign.seed,
             self.schedule,
             self.site,
-            self.noise,
-            self.prior,
-            self.truth,
-            model=self.model,
-            passes=self.config.estimator.passes,
-            update_interval=self.config.estimator.update_interval_s,
+            Truth(self.truth, self.noise, self.prior),
+            Belief(
+                self.noise,
+                self.prior,
+                passes=self.config.estimator.passes,
+                update_interval=self.config.estimator.update_interval_s,
+                model=self.model,
+            ),
             dwell_step=self.config.simulation.dwell_step_s,
             turn_step=self.config.simulation.turn_step_s,
         )
@@ -141,10 +145,3 @@ class Setup:
 def parameter_vector(values: KindValues) -> NDArray[np.float64]:
     """Values of a configuration group in state order, shape (27,), in paper units."""
     return parameters.vector(values.by_kind())
-
-
-def _tell_of_compilation() -> None:
-    import numba
-
-    if not Path(getattr(numba.config, "CACHE_DIR", ".")).exists():
-        note("compiling the kernels, once: some ten seconds")
