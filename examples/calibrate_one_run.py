@@ -15,11 +15,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from inscal import parameters, units
+from inscal.estimator import Belief
 from inscal.experiment import prepare, run_with_history
 from inscal.motion import Site
 from inscal.recursion import InitialStd
 from inscal.schedule import Schedule, turns_of
-from inscal.simulation import TruthModel
+from inscal.simulation import Truth, TruthModel
 from inscal.state_model import NoiseModel
 
 SHOWN = {  # with the units of the paper's tables
@@ -41,18 +42,30 @@ noise = NoiseModel(
     gyro=0.0005 * units.DEG_PER_SQRT_HOUR, accel=5.0 * units.MICRO_G, velocity=0.001, position=0.1
 )
 unit = parameters.si_units(units.quadratic_unit(pulses_per_m_per_s=1673.84))
-truth = parameters.paper_truth() * unit  # 0.05 deg/h, 200 ug, 500 ppm, 206 arcsec, ...
+errors = unit * parameters.vector(
+    {
+        "gyro_bias": 0.05,  # deg/h
+        "accel_bias": 200.0,  # ug
+        "gyro_scale_factor": 500.0,  # ppm
+        "gyro_installation": 206.26,  # arcsec
+        "accel_scale_factor": 500.0,
+        "accel_installation": 206.26,
+        "accel_quadratic": 30.0,  # 1e-9 s/pulse
+        "lever_arm": (10.0, 20.0, 30.0),  # mm
+    }
+)
 attitude = np.array([0.1, 0.1, 0.5]) * units.DEGREE
-prior = InitialStd(attitude, velocity=0.01, position=1.0, parameter=truth)
+prior = InitialStd(attitude, velocity=0.01, position=1.0, parameter=errors)
 
 # the calibration: the gains, which no measurement changes, and one run of 25 positions
-steps = {"update_interval": 1.0, "dwell_step": 1.0, "turn_step": 0.5}  # s
-experiment = prepare(7, path, site, noise, prior, TruthModel("fixed", truth), passes=2, **steps)
+truth = Truth(TruthModel("fixed", errors), noise, prior)
+belief = Belief(noise, prior, passes=2, update_interval=1.0)
+experiment = prepare(7, path, site, truth, belief, dwell_step=1.0, turn_step=0.5)
 outcome, history = run_with_history(experiment, 0)
 
 # what came out, in paper units
 gains = experiment.estimator
-true, final, sigma = truth / unit, outcome.estimate[0] / unit, gains.predicted_std / unit
+true, final, sigma = errors / unit, outcome.estimate[0] / unit, gains.predicted_std / unit
 course = history.estimate[..., 0] / unit
 hours = np.arange(1, experiment.motion.updates + 1) / 3600.0
 off = np.abs([course[0, -1] - true, final - true]) / sigma

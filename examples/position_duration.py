@@ -18,13 +18,14 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from inscal import parameters, units
-from inscal.estimator import build_estimator
+from inscal.estimator import Belief, build_estimator
 from inscal.experiment import prepare, run
 from inscal.motion import Site
+from inscal.parameters import members
 from inscal.recursion import InitialStd
 from inscal.schedule import Schedule, turns_of
-from inscal.simulation import TruthModel
-from inscal.state_model import NoiseModel, StateModel
+from inscal.simulation import Truth, TruthModel
+from inscal.state_model import NoiseModel
 
 DURATIONS = np.array([60, 100, 150, 200, 300, 400, 500, 600, 700, 800, 1000])  # s
 RUNS = 200
@@ -40,10 +41,32 @@ noise = NoiseModel(
     gyro=0.0005 * units.DEG_PER_SQRT_HOUR, accel=5.0 * units.MICRO_G, velocity=0.001, position=0.1
 )
 unit = parameters.si_units(units.quadratic_unit(pulses_per_m_per_s=1673.84))
-known = parameters.paper_truth() * unit  # 0.05 deg/h, 200 ug, 500 ppm, 206 arcsec, ...
+known = unit * parameters.vector(
+    {
+        "gyro_bias": 0.05,  # deg/h
+        "accel_bias": 200.0,  # ug
+        "gyro_scale_factor": 500.0,  # ppm
+        "gyro_installation": 206.26,  # arcsec
+        "accel_scale_factor": 500.0,
+        "accel_installation": 206.26,
+        "accel_quadratic": 30.0,  # 1e-9 s/pulse
+        "lever_arm": (10.0, 20.0, 30.0),  # mm
+    }
+)
 attitude = np.array([0.1, 0.1, 0.5]) * units.DEGREE
 prior = InitialStd(attitude, velocity=0.01, position=1.0, parameter=known)
-bound = parameters.paper_bounds() * unit
+bound = unit * parameters.vector(
+    {
+        "gyro_bias": 0.001,  # in the same units
+        "accel_bias": 9.0,
+        "gyro_scale_factor": 3.0,
+        "gyro_installation": 1.0,
+        "accel_scale_factor": 2.0,
+        "accel_installation": 3.0,
+        "accel_quadratic": 0.4,
+        "lever_arm": 3.0,
+    }
+)
 
 
 def path_of(duration):
@@ -53,23 +76,21 @@ def path_of(duration):
 
 def predicted_sigma(duration):
     """What the filter will claim after such a path, with no run simulated."""
-    path, model = path_of(duration), StateModel()
-    filter_ = build_estimator(path, site, model, noise, prior, update_interval=1.0, passes=1)
-    return filter_.predicted_std
+    belief = Belief(noise, prior, passes=1, update_interval=1.0)
+    return build_estimator(path_of(duration), site, belief).predicted_std
 
 
 def worst_of_each_kind(values):
     """Largest of 27 values within each kind of parameter."""
-    kinds = np.array(parameters.KIND_OF)
-    return {kind: values[..., kinds == kind].max(axis=-1) for kind in parameters.KINDS}
+    return {kind: values[..., members(kind)].max(axis=-1) for kind in parameters.KINDS}
 
 
 # prediction at every duration, then proof at the shortest that should do
 predicted = np.array([3.0 * predicted_sigma(t) / bound for t in DURATIONS])
 chosen = float(DURATIONS[(predicted < 1.0).all(axis=1)][0])
-truth = TruthModel("normal", known)  # another unit in every run
-steps = {"update_interval": 1.0, "dwell_step": 1.0, "turn_step": 0.5}  # s
-experiment = prepare(1, path_of(chosen), site, noise, prior, truth, passes=2, **steps)
+truth = Truth(TruthModel("normal", known), noise, prior)  # another unit in every run
+belief = Belief(noise, prior, passes=2, update_interval=1.0)
+experiment = prepare(1, path_of(chosen), site, truth, belief, dwell_step=1.0, turn_step=0.5)
 outcome = run(experiment, range(RUNS))
 error = (outcome.estimate - outcome.truth) / bound
 found = 3.0 * np.sqrt((error**2).mean(axis=0))

@@ -10,49 +10,23 @@ How several passes over one record connect is the subject of `inscal.estimator`.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.spatial.transform import Rotation
 
 from inscal import navigation
-from inscal.earth import radii_of_curvature
 from inscal.estimator import CONSTANTS, Estimator
-from inscal.kernel import CACHE_LINE, INLINE, KERNEL, LANES, prefetch
+from inscal.kernel import CACHE_LINE, LANES, compiled, inlined, prefetch
 from inscal.motion import Motion, Site
 from inscal.navigation import advance, rotate_left
 from inscal.parameters import COUNT
+from inscal.record import Record
 from inscal.sensor import compensate
-from inscal.state_model import NAVIGATION
+from inscal.state_model import NAVIGATION, OBSERVED
 
 _NAV = CONSTANTS
 _ROWS = _NAV + navigation.ROWS
-_OBSERVED = 6
 _STEP_BYTES = 8 * 6 * LANES
-_GAIN_BYTES = 8 * 6 * (NAVIGATION + CONSTANTS)
+_GAIN_BYTES = 8 * OBSERVED * (NAVIGATION + CONSTANTS)
 _AHEAD = 2  # steps from the asking for data to its use: farther ahead was a little slower
-
-
-@dataclass(frozen=True)
-class Record:
-    """What a laboratory records of `LANES` calibrations: all that a calibrator may see.
-
-    Attributes
-    ----------
-    sensors : ndarray, shape (steps, 6, LANES)
-        Reported angle (rad) and velocity increments (m/s), body axes.
-    observations : ndarray, shape (updates, 6, LANES)
-        Observed velocity North, East, Down (m/s) and position offset from the site, metres north,
-        east and of height.
-    attitude : ndarray, shape (3, 3, LANES)
-        Body-to-NED matrix as assumed at the start (aligned with errors).
-    velocity, position : ndarray, shape (3, LANES)
-        As assumed at the start, in the units of the observations.
-    """
-
-    sensors: np.ndarray
-    observations: np.ndarray
-    attitude: np.ndarray
-    velocity: np.ndarray
-    position: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -75,7 +49,7 @@ class History:
 def empty_history(passes: int, updates: int) -> History:
     """Room for the course of `passes` passes."""
     return History(
-        np.empty((passes, updates, COUNT, LANES)), np.empty((passes, updates, _OBSERVED, LANES))
+        np.empty((passes, updates, COUNT, LANES)), np.empty((passes, updates, OBSERVED, LANES))
     )
 
 
@@ -104,9 +78,9 @@ def calibrate(
     ndarray, shape (27, LANES)
         Parameters, SI; not finite where a run diverged.
     """
-    constants = np.zeros((CONSTANTS, LANES))
+    constants, metres = np.zeros((CONSTANTS, LANES)), site.metres
     assumed = start = Rotation.from_matrix(np.moveaxis(record.attitude, -1, 0))
-    nothing = np.empty((0, COUNT, LANES)), np.empty((0, _OBSERVED, LANES))
+    nothing = np.empty((0, COUNT, LANES)), np.empty((0, OBSERVED, LANES))
     for number in range(estimator.passes):
         # the prior is centred on zero parameters and on the attitude assumed in the record
         from_prior = constants
@@ -116,7 +90,7 @@ def calibrate(
         state[COUNT:CONSTANTS] = 0.0
         state[_NAV : _NAV + 9] = start.as_matrix().reshape(LANES, 9).T
         state[_NAV + navigation.VELOCITY : _NAV + navigation.POSITION] = record.velocity
-        state[_NAV + navigation.POSITION :] = record.position / _metres(site)[:, None]
+        state[_NAV + navigation.POSITION :] = record.position / metres[:, None]
         begin = state[:CONSTANTS].copy()
         _run_pass(
             state,
@@ -126,7 +100,7 @@ def calibrate(
             motion.update_step,
             estimator.gains(number).gain,
             navigation.site_constants(site),
-            _metres(site),
+            metres,
             *(
                 nothing
                 if history is None
@@ -148,19 +122,7 @@ def _apply(matrix: np.ndarray, lanes: np.ndarray) -> np.ndarray:
     return (matrix[:, :, None] * lanes).sum(axis=1)
 
 
-def _metres(site: Site) -> np.ndarray:
-    """Metres per unit of the position offsets: latitude, longitude, height."""
-    meridian, prime_vertical = radii_of_curvature(np.sin(site.latitude))
-    return np.array(
-        [
-            meridian + site.height,
-            (prime_vertical + site.height) * np.cos(site.latitude),
-            1.0,
-        ]
-    )
-
-
-@njit(**KERNEL)
+@compiled
 def _run_pass(
     start,
     sensors,
@@ -180,7 +142,7 @@ def _run_pass(
     do not overlap and keeps the lane loops free of run-time checks.
     """
     state = np.empty((_ROWS, LANES))
-    innovation = np.empty((_OBSERVED, LANES))
+    innovation = np.empty((OBSERVED, LANES))
     correction = np.empty((NAVIGATION, LANES))
     for j in range(LANES):
         for i in range(_ROWS):
@@ -198,21 +160,21 @@ def _run_pass(
             for j in range(LANES):
                 for i in range(COUNT):
                     estimate_history[k, i, j] = state[i, j]
-                for i in range(_OBSERVED):
+                for i in range(OBSERVED):
                     innovation_history[k, i, j] = innovation[i, j]
     for j in range(LANES):
         for i in range(_ROWS):
             start[i, j] = state[i, j]
 
 
-@njit(**INLINE)
+@inlined
 def _fetch(array, row, row_bytes):
     """Ask for the cache lines of a row of an array; beyond its end that does nothing."""
     for line in range(0, row_bytes, CACHE_LINE):
         prefetch(array, row * row_bytes + line)  # type: ignore[call-arg]  # numba adds one
 
 
-@njit(**INLINE)
+@inlined
 def _navigate(state, sensors, s, dt, site):
     for j in range(LANES):
         angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
@@ -221,7 +183,7 @@ def _navigate(state, sensors, s, dt, site):
         advance(state, _NAV, j, angle, velocity, dt, site)
 
 
-@njit(**INLINE)
+@inlined
 def _innovate(state, observations, k, metres, innovation):
     for i in range(3):
         for j in range(LANES):
@@ -230,7 +192,7 @@ def _innovate(state, observations, k, metres, innovation):
             innovation[3 + i, j] = state[_NAV + 12 + i, j] * metres[i] - observations[k, 3 + i, j]
 
 
-@njit(**INLINE)
+@inlined
 def _correct(state, gain, k, innovation, correction, metres):
     """Feed back: navigation errors are navigated minus true, constants true minus estimated."""
     for i in range(NAVIGATION):
@@ -247,7 +209,7 @@ def _correct(state, gain, k, innovation, correction, metres):
             state[_NAV + 12 + i, j] -= correction[6 + i, j] / metres[i]
 
 
-@njit(**INLINE)
+@inlined
 def _product(gain, k, row, innovation, j):
     return (
         gain[k, row, 0] * innovation[0, j]

@@ -6,9 +6,8 @@ must never be two.
 """
 
 import numpy as np
-from numba import njit
 
-from inscal.kernel import INLINE
+from inscal.kernel import inlined
 
 EARTH_RATE = 7.292115e-5
 """Rotation rate of the Earth, rad/s (WGS-84)."""
@@ -25,7 +24,7 @@ _SEMI_MINOR_AXIS = SEMI_MAJOR_AXIS * (1.0 - FLATTENING)
 _GRAVITY_M = EARTH_RATE**2 * SEMI_MAJOR_AXIS**2 * _SEMI_MINOR_AXIS / GRAVITATIONAL_CONSTANT
 
 
-@njit(**INLINE)
+@inlined
 def normal_gravity(sin_latitude, height):
     """Normal gravity above the ellipsoid.
 
@@ -54,7 +53,7 @@ def normal_gravity(sin_latitude, height):
     )
 
 
-@njit(**INLINE)
+@inlined
 def radii_of_curvature(sin_latitude):
     """Radii of curvature of the ellipsoid.
 
@@ -74,7 +73,7 @@ def radii_of_curvature(sin_latitude):
     return prime_vertical * (1.0 - ECCENTRICITY_SQUARED) * per_w * per_w, prime_vertical
 
 
-@njit(**INLINE)
+@inlined
 def _per_w(sin_latitude):
     """One over sqrt(1 - e^2 sin^2 L), which gravity and both radii share."""
     return 1.0 / np.sqrt(1.0 - ECCENTRICITY_SQUARED * sin_latitude * sin_latitude)

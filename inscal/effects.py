@@ -19,12 +19,11 @@ uncompensated err by as much with the opposite sign.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy import special
 
 from inscal import earth
 from inscal.free_inertial import HORIZONTAL, initial_state, navigate
-from inscal.kernel import KERNEL
+from inscal.kernel import compiled
 from inscal.motion import Site
 from inscal.navigation import site_constants
 from inscal.rotation import mean_rotation, skew
@@ -152,7 +151,7 @@ def north_errors(
     return Course(time, course[:, 0, 1:] - course[:, 0, :1])
 
 
-@njit(**KERNEL)
+@compiled
 def _sense(parameters, inverse, angle, velocity, dt, out):
     """Increments that noise-free sensors report, (steps, 6, lanes)."""
     silent = (0.0, 0.0, 0.0)
@@ -168,8 +167,8 @@ def _sense(parameters, inverse, angle, velocity, dt, out):
 def schuler_rate(site: Site) -> float:
     """Schuler rate of north motion, rad/s."""
     sine = np.sin(site.latitude)
-    meridian, _ = earth.radii_of_curvature(sine)
-    return float(np.sqrt(earth.normal_gravity(sine, site.height) / (meridian + site.height)))
+    # metres per radian of latitude are the radius of the arc
+    return float(np.sqrt(earth.normal_gravity(sine, site.height) / site.metres[0]))
 
 
 def vibration_error(quadratic: float, rms: float) -> float:

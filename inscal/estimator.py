@@ -20,7 +20,7 @@ Kalman smoother as a Gauss-Newton method, SIAM J. Optim. 4, 1994). The vector x 
 the parameters and the attitude error at the start.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -36,6 +36,31 @@ CONSTANTS = COUNT + ATTITUDE
 _TIGHT = 3.0
 """Sigmas of tight covariance in units of the final ones. The translation is exact in the linear
 model whatever this number; 1, 3 and 10 give the same errors to a hundredth of a sigma."""
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What a filter takes for true, and how it goes about a record.
+
+    Attributes
+    ----------
+    noise : NoiseModel
+        Noise of sensors and observations.
+    prior : InitialStd
+        Standard deviations of the initial errors and of the parameters.
+    passes : int
+        Over the record, at least 1.
+    update_interval : float
+        From one update to the next, s.
+    model : StateModel
+        The parameters estimated; all 27 if not said otherwise.
+    """
+
+    noise: NoiseModel
+    prior: InitialStd
+    passes: int
+    update_interval: float
+    model: StateModel = field(default_factory=StateModel)
 
 
 @dataclass(frozen=True)
@@ -76,32 +101,14 @@ class Estimator:
         return self.first if number == 0 or self.later is None else self.later
 
 
-def build_estimator(
-    schedule: Schedule,
-    site: Site,
-    model: StateModel,
-    noise: NoiseModel,
-    std: InitialStd,
-    *,
-    update_interval: float,
-    passes: int,
-) -> Estimator:
+def build_estimator(schedule: Schedule, site: Site, belief: Belief) -> Estimator:
     """Gains of all passes for a schedule.
 
     Parameters
     ----------
     schedule : Schedule
     site : Site
-    model : StateModel
-        What the filter estimates.
-    noise : NoiseModel
-        What the filter believes of the noise.
-    std : InitialStd
-        The filter's prior.
-    update_interval : float
-        s.
-    passes : int
-        At least 1.
+    belief : Belief
 
     Returns
     -------
@@ -112,12 +119,15 @@ def build_estimator(
     ValueError
         If the schedule is not a whole number of update intervals long, or a turn does not fit.
     """
-    transitions = build_transitions(schedule, site, model, noise, update_interval=update_interval)
+    model, noise, std = belief.model, belief.noise, belief.prior
+    transitions = build_transitions(
+        schedule, site, model, noise, update_interval=belief.update_interval
+    )
     first = compute_gains(transitions, model, noise, std)
     prior = np.concatenate([std.parameter, std.attitude])
     identity = np.eye(CONSTANTS)
-    if passes == 1:
-        return Estimator(first, None, passes, identity, np.zeros_like(identity))
+    if belief.passes == 1:
+        return Estimator(first, None, belief.passes, identity, np.zeros_like(identity))
     final = np.sqrt(np.diag(first.covariance))
     tight = np.minimum(_TIGHT * final, prior)
     tight_std = replace(std, parameter=tight[:COUNT], attitude=tight[COUNT:])
@@ -131,4 +141,4 @@ def build_estimator(
     translate[block] = np.linalg.solve(narrow, wide).T * np.divide.outer(
         final[modelled], final[modelled]
     )
-    return Estimator(first, later, passes, translate, first.covariance / prior**2)
+    return Estimator(first, later, belief.passes, translate, first.covariance / prior**2)

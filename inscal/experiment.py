@@ -11,14 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from inscal.calibrator import History, calibrate, empty_history
-from inscal.estimator import Estimator, build_estimator
+from inscal.estimator import Belief, Estimator, build_estimator
 from inscal.kernel import LANES
 from inscal.motion import Motion, Site, build_motion
 from inscal.parameters import COUNT
-from inscal.recursion import InitialStd
 from inscal.schedule import Schedule
-from inscal.simulation import TruthModel, Workspace, draw_truth, simulate
-from inscal.state_model import NoiseModel, StateModel
+from inscal.simulation import Truth, Workspace, draw_truth, simulate
 from inscal.statistics import nees
 
 
@@ -31,22 +29,15 @@ class Experiment:
     seed : int
     site : Site
     motion : Motion
-    truth : TruthModel
-        Distribution of the true parameters.
-    noise : NoiseModel
-        True noise.
-    initial : InitialStd
-        True spread of the initial attitude, velocity and position errors.
+    truth : Truth
     estimator : Estimator
-        What the filter believes.
+        What comes of the filter's belief.
     """
 
     seed: int
     site: Site
     motion: Motion
-    truth: TruthModel
-    noise: NoiseModel
-    initial: InitialStd
+    truth: Truth
     estimator: Estimator
 
 
@@ -54,34 +45,27 @@ def prepare(
     seed: int,
     schedule: Schedule,
     site: Site,
-    noise: NoiseModel,
-    initial: InitialStd,
-    truth: TruthModel,
+    truth: Truth,
+    belief: Belief,
     *,
-    model: StateModel | None = None,
-    passes: int,
-    update_interval: float,
     dwell_step: float,
     turn_step: float,
 ) -> Experiment:
-    """Experiment whose filter is right about noise and initial errors; computes the gains.
+    """Experiment on a schedule; computes the motion and the gains.
+
+    Truth and belief know nothing of each other: a filter that is right about the noise has the same
+    `NoiseModel` in both.
 
     Parameters
     ----------
     seed : int
     schedule : Schedule
     site : Site
-    noise : NoiseModel
-        Of the sensors and observations, and what the filter believes of them.
-    initial : InitialStd
-        Spread of the initial errors, and the filter's prior.
-    truth : TruthModel
-        Distribution of the true parameters.
-    model : StateModel, optional
-        What the filter estimates; all parameters if not given.
-    passes : int
-    update_interval, dwell_step, turn_step : float
-        s.
+    truth : Truth
+    belief : Belief
+        Its update interval is also that of the observations.
+    dwell_step, turn_step : float
+        Longest steps of the simulation at rest and in turns, s.
 
     Returns
     -------
@@ -98,22 +82,12 @@ def prepare(
         motion=build_motion(
             schedule,
             site,
-            update_interval=update_interval,
+            update_interval=belief.update_interval,
             dwell_step=dwell_step,
             turn_step=turn_step,
         ),
         truth=truth,
-        noise=noise,
-        initial=initial,
-        estimator=build_estimator(
-            schedule,
-            site,
-            model or StateModel(),
-            noise,
-            initial,
-            update_interval=update_interval,
-            passes=passes,
-        ),
+        estimator=build_estimator(schedule, site, belief),
     )
 
 
@@ -206,16 +180,17 @@ def tiles(
         SI; estimates are not finite where a run diverged.
     """
     workspace = workspace or Workspace.of(experiment.motion)
+    parameters = experiment.truth.parameters
     for first in range(0, len(runs), LANES):
         numbers = [int(number) for number in runs[first : first + LANES]]
         used = len(numbers)
-        truth = np.array([draw_truth(experiment.truth, experiment.seed, r) for r in numbers])
+        truth = np.array([draw_truth(parameters, experiment.seed, r) for r in numbers])
         lanes = np.minimum(np.arange(LANES), used - 1)  # spare lanes repeat the last run
         record = simulate(
             truth[lanes].T,
             experiment.motion,
-            experiment.noise,
-            experiment.initial,
+            experiment.truth.noise,
+            experiment.truth.initial,
             seed=experiment.seed,
             runs=[numbers[lane] for lane in lanes],
             workspace=workspace,

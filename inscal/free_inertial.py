@@ -7,10 +7,9 @@ step, for an unaided vertical channel would lose the rest: its errors grow by e 
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
-from inscal import earth, navigation
-from inscal.kernel import KERNEL
+from inscal import navigation
+from inscal.kernel import compiled
 from inscal.motion import Motion, Site
 from inscal.navigation import advance, site_constants
 from inscal.sensor import compensate
@@ -63,12 +62,8 @@ def fly(
     course = np.empty((entries, HORIZONTAL, lanes))
     known = np.ascontiguousarray(parameters)
     navigate(state, sensors, known, motion.duration, site_constants(site), every, course)
-    meridian, prime_vertical = earth.radii_of_curvature(np.sin(site.latitude))
-    metres = np.array(
-        [meridian + site.height, (prime_vertical + site.height) * np.cos(site.latitude)]
-    )
     time = np.cumsum(motion.duration)[every - 1 :: every]
-    return Flight(time, course[:, :2], course[:, 2:] * metres[:, None])
+    return Flight(time, course[:, :2], course[:, 2:] * site.metres[:2, None])
 
 
 def initial_state(attitude: np.ndarray) -> np.ndarray:
@@ -90,7 +85,7 @@ def initial_state(attitude: np.ndarray) -> np.ndarray:
     return state
 
 
-@njit(**KERNEL)
+@compiled
 def navigate(state, sensors, parameters, duration, site, every, course):
     """Navigate all lanes through reported increments, height held.
 

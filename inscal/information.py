@@ -26,9 +26,15 @@ import numpy as np
 
 from inscal.parameters import COUNT
 from inscal.recursion import InitialStd
-from inscal.state_model import NAVIGATION, NoiseModel, StateModel, Transitions
+from inscal.state_model import (
+    NAVIGATION,
+    OBSERVED,
+    OBSERVED_STATES,
+    NoiseModel,
+    StateModel,
+    Transitions,
+)
 
-_OBSERVED = slice(3, 9)  # velocity and position errors
 _SILENT = 1e-9  # a direction known this much worse than the best one is not known at all
 
 
@@ -118,15 +124,14 @@ def parameter_information(
     by_noise = backward @ _square_root(transitions.noise)
     by_parameter = backward @ (transitions.parameter * unit)
 
-    array = np.zeros((nav + states + 6, nav + states))
+    array = np.zeros((nav + states + OBSERVED, nav + states))
     before, observation = array[nav : nav + states], array[nav + states :]
     array[:nav, :nav] = np.eye(nav)
     sigma = np.repeat([noise.velocity, noise.position], 3)
-    observation[:, nav:][:, _OBSERVED] = np.diag(1 / sigma)
+    observation[:, nav:][:, OBSERVED_STATES] = np.diag(1 / sigma)
 
     root = np.zeros((states, states))
-    initial = np.concatenate([std.attitude, [std.velocity] * 3, [std.position] * 3])
-    root[:nav, :nav] = np.diag(1 / initial)
+    root[:nav, :nav] = np.diag(1 / std.navigation)
     for index in transitions.index:
         of_nav = root[:, :nav]
         before[:, :nav] = -(of_nav @ by_noise)

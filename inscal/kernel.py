@@ -4,18 +4,24 @@ Kernels work on *lanes*: runs side by side in the last, contiguous axis of an ar
 `LANES` of them, so that the compiler turns every lane loop into vector instructions without a
 remainder. Whatever lane a run sits in, it goes through the same instructions; that is what makes
 results independent of batch size to the last bit.
+
+A kernel is a function under `compiled`, a scalar function that kernels call one under `inlined`.
+The first of either calls `configure`, which sets what numba has to know before it compiles.
 """
 
 import hashlib
 import os
-from collections.abc import Sequence
+import tempfile
+import warnings
+from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
 import numpy as np
 from llvmlite import ir
-from numba import config, types
+from numba import config, njit, types
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
@@ -27,25 +33,136 @@ CACHE_LINE = 64
 
 RUN_MODULES = (
     *("calibrator", "directions", "earth", "estimator", "experiment", "kernel", "motion"),
-    *("navigation", "parameters", "recursion", "rotation", "schedule", "sensor", "simulation"),
-    *("state_model", "statistics", "units"),
+    *("navigation", "parameters", "record", "recursion", "rotation", "schedule", "sensor"),
+    *("simulation", "state_model", "statistics", "units"),
 )
 """Modules that the result of a run depends on: all that `inscal.experiment` imports."""
 
-_OTHER_KERNELS = ("effects", "free_inertial")
+_PACKAGE = Path(__file__).parent
 
-KERNEL: dict[str, Any] = {
-    "cache": True,
-    "nogil": True,
-    "error_model": "numpy",
-    "fastmath": {"contract"},
-}
-"""Compiler options of every kernel. `contract` allows fused multiply-add and nothing else:
-no reordering, so the result is defined by the source up to the rounding of a product."""
+_OPTIONS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+# `contract` allows fused multiply-add and nothing else: no reordering, so the result is defined by
+# the source up to the rounding of a product
 
-INLINE: dict[str, Any] = {**KERNEL, "forceinline": True}
-"""Options of the scalar functions that a lane loop calls: a loop vectorises only around code that
-was inlined."""
+
+def compiled(function: Callable) -> Any:
+    """Decorate a kernel, which Python calls and which loops over lanes.
+
+    Parameters
+    ----------
+    function : callable
+
+    Returns
+    -------
+    numba.core.dispatcher.Dispatcher
+        Compiled at the first call; the code is kept in `cache_folder`.
+    """
+    return njit(cache=configure() is not None, **_OPTIONS)(function)
+
+
+def inlined(function: Callable) -> Any:
+    """Decorate a scalar function that lane loops call.
+
+    A loop becomes vector instructions only around code that is inlined, so this always is.
+
+    Parameters
+    ----------
+    function : callable
+
+    Returns
+    -------
+    numba.core.dispatcher.Dispatcher
+    """
+    return njit(cache=configure() is not None, forceinline=True, **_OPTIONS)(function)
+
+
+@cache
+def configure() -> Path | None:
+    """Set numba's options, which are those of the whole process; only the first call does.
+
+    - Compiled code is kept in `cache_folder`.
+    - Processors with AVX-512 use their full width, which LLVM avoids by default, unless
+      ``NUMBA_CPU_FEATURES`` says what to use. The kernels do little else than lane loops, and run a
+      fifth faster for it.
+    - Arrays made in a kernel begin on a cache line. Without it a tenth of a pass is a matter of
+      luck.
+
+    `compiled` and `inlined` call it, so a program need not. One that compiles kernels of its own
+    calls it first if they are to be built alike.
+
+    Returns
+    -------
+    Path or None
+        Folder of the compiled code. None, and a warning, where no folder can be written: the
+        process then compiles for itself.
+    """
+    folder = cache_folder(config.CACHE_DIR)
+    if folder is None:
+        warnings.warn(
+            "no folder for compiled code can be written, so every start compiles anew, for some "
+            "ten seconds; NUMBA_CACHE_DIR names a folder to use",
+            stacklevel=2,
+        )
+    else:
+        config.CACHE_DIR = str(folder)
+    features = llvm.get_host_cpu_features()
+    if "NUMBA_CPU_FEATURES" not in os.environ and features.get("avx512f"):
+        config.CPU_NAME = llvm.get_host_cpu_name()
+        config.CPU_FEATURES = f"{features.flatten()},-prefer-256-bit"
+    cpu_target.target_context.get_preferred_array_alignment = lambda _: CACHE_LINE
+    return folder
+
+
+def cache_folder(chosen: str = "") -> Path | None:
+    """Find a folder for the code compiled from this very source.
+
+    numba asks of a cached kernel whether its own file has changed, not whether those have whose
+    functions were inlined into it: an edited sensor model would leave a stale calibrator. So the
+    folder is named after all source of the library, wherever it is.
+
+    Parameters
+    ----------
+    chosen : str
+        Folder that the user wants it in, as by ``NUMBA_CACHE_DIR``; tried first if not empty.
+
+    Returns
+    -------
+    Path or None
+        Sub-folder of the chosen folder, of ``__pycache__`` beside the source or of the user's
+        caches, the first that can be written; None if none can.
+    """
+    digest = source_digest(sorted(path.stem for path in _PACKAGE.glob("*.py")))
+    parents = [Path(chosen)] if chosen else []
+    parents.append(_PACKAGE / "__pycache__")
+    of_user = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+    if of_user.is_absolute():  # a process may have no home
+        parents.append(of_user / "inscal")
+    for parent in parents:
+        folder = parent / f"kernels-{digest[:16]}"
+        if _can_write(folder):
+            return folder
+    return None
+
+
+def _can_write(folder: Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError:
+        return False
+    return True
+
+
+def is_compiled(module: str) -> bool:
+    """Whether code of kernels in a module is kept, so that this process need not compile them.
+
+    Parameters
+    ----------
+    module : str
+        Such as ``calibrator``.
+    """
+    folder = configure()
+    return folder is not None and any(folder.rglob(f"{module}.*.nbc"))
 
 
 def source_digest(modules: Sequence[str] = RUN_MODULES) -> str:
@@ -63,7 +180,7 @@ def source_digest(modules: Sequence[str] = RUN_MODULES) -> str:
     """
     digest = hashlib.sha256()
     for name in modules:
-        digest.update((Path(__file__).parent / f"{name}.py").read_bytes())
+        digest.update((_PACKAGE / f"{name}.py").read_bytes())
     return digest.hexdigest()
 
 
@@ -104,33 +221,3 @@ def prefetch(typingctx, array, offset):
         return context.get_dummy_value()
 
     return types.void(array, offset), generate
-
-
-def _cache_by_source() -> None:
-    """Name the cache of compiled code after all source that is compiled.
-
-    A cached kernel is looked up by the age of its own file, not of the files whose functions were
-    inlined into it; without this an edited sensor model would leave a stale calibrator.
-    """
-    folder = Path(__file__).parent
-    if "NUMBA_CACHE_DIR" in os.environ or not os.access(folder, os.W_OK):
-        return
-    digest = source_digest((*RUN_MODULES, *_OTHER_KERNELS))
-    config.CACHE_DIR = str(folder / "__pycache__" / f"kernels-{digest[:16]}")
-
-
-def _use_full_vectors() -> None:
-    """Let AVX-512 processors use their full width, which LLVM avoids by default.
-
-    The kernels do little else than lane loops, and run a fifth faster for it.
-    """
-    features = llvm.get_host_cpu_features()
-    if "NUMBA_CPU_FEATURES" not in os.environ and features.get("avx512f"):
-        config.CPU_NAME = llvm.get_host_cpu_name()
-        config.CPU_FEATURES = f"{features.flatten()},-prefer-256-bit"
-    # where arrays made in a kernel begin; without this a tenth of a pass is a matter of luck
-    cpu_target.target_context.get_preferred_array_alignment = lambda _: CACHE_LINE
-
-
-_cache_by_source()
-_use_full_vectors()

@@ -30,6 +30,18 @@ class Site:
     latitude: float
     height: float
 
+    @property
+    def metres(self) -> np.ndarray:
+        """Metres per unit of an offset in latitude, longitude (rad) and height (m), shape (3,)."""
+        meridian, prime_vertical = earth.radii_of_curvature(np.sin(self.latitude))
+        return np.array(
+            [
+                meridian + self.height,
+                (prime_vertical + self.height) * np.cos(self.latitude),
+                1.0,
+            ]
+        )
+
 
 @dataclass(frozen=True)
 class Motion:

@@ -20,10 +20,9 @@ of latitude are short series, good to rounding within `MAX_OFFSET`.
 """
 
 import numpy as np
-from numba import njit
 
 from inscal import earth
-from inscal.kernel import INLINE
+from inscal.kernel import inlined
 from inscal.motion import Site
 from inscal.rotation import cross, series, turn
 
@@ -39,7 +38,7 @@ def site_constants(site: Site) -> tuple[float, float, float]:
     return float(np.sin(site.latitude)), float(np.cos(site.latitude)), site.height
 
 
-@njit(**INLINE)
+@inlined
 def advance(state, row, j, angle, velocity, dt, site):
     """Navigate lane `j` through one step.
 
@@ -125,7 +124,7 @@ def advance(state, row, j, angle, velocity, dt, site):
     state[pos + 2, j] -= 0.5 * (v[2] + n[2]) * dt
 
 
-@njit(**INLINE)
+@inlined
 def rotate_left(state, row, j, phi):
     """Turn the attitude of lane `j` by a rotation vector in the navigation frame.
 

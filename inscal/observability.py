@@ -30,9 +30,14 @@ from scipy.spatial.transform import Rotation
 from inscal import earth
 from inscal.motion import Site
 from inscal.parameters import COUNT, INDEX
-from inscal.recursion import OBSERVED
 from inscal.schedule import Schedule, attitudes, turn_vector
-from inscal.state_model import NAVIGATION, navigation_dynamics, parameter_dynamics
+from inscal.state_model import (
+    NAVIGATION,
+    OBSERVED,
+    OBSERVED_STATES,
+    navigation_dynamics,
+    parameter_dynamics,
+)
 
 STATES = NAVIGATION + COUNT
 """The paper's 36 states."""
@@ -211,7 +216,7 @@ def stripped_blocks(dynamics: np.ndarray, blocks: int = STATES) -> np.ndarray:
     ndarray, shape (positions, 6 * blocks, 36)
         Observed are velocity and position errors, states 3 to 8.
     """
-    rows = np.broadcast_to(np.eye(STATES)[3 : 3 + OBSERVED], (len(dynamics), OBSERVED, STATES))
+    rows = np.broadcast_to(np.eye(STATES)[OBSERVED_STATES], (len(dynamics), OBSERVED, STATES))
     out = [rows]
     for _ in range(blocks - 1):
         out.append(out[-1] @ dynamics)

@@ -1,4 +1,4 @@
-"""The 27 sensor error parameters: names, groups, paper units, paper truth and bounds.
+"""The 27 sensor error parameters: names, groups, kinds and paper units.
 
 The order is that of the paper's state vector (eq. 7). Every 27-vector of this library, in SI,
 follows it; so does the ``parameter`` dimension of every store.
@@ -39,7 +39,7 @@ for _group, _names in GROUPS.items():
 
 @dataclass(frozen=True)
 class Kind:
-    """What a table speaks of: parameters of one physical kind share a unit, a truth and a bound.
+    """What a table speaks of: parameters of one physical kind share a unit.
 
     Attributes
     ----------
@@ -47,27 +47,21 @@ class Kind:
         Paper unit, as printed.
     unit_si : float
         Size of that unit in SI; for the quadratic term at the pulse scale of 1 (see `si_units`).
-    paper_truth : tuple of float
-        Simulated truth of the paper's Table 3, one value for all or one per axis, in `unit`.
-    paper_bound : float
-        The paper's "better than", in `unit`.
     """
 
     unit: str
     unit_si: float
-    paper_truth: tuple[float, ...]
-    paper_bound: float
 
 
 KINDS: dict[str, Kind] = {
-    "gyro_bias": Kind("deg/h", units.DEG_PER_HOUR, (0.05,), 0.001),
-    "accel_bias": Kind("ug", units.MICRO_G, (200.0,), 9.0),
-    "gyro_scale_factor": Kind("ppm", units.PPM, (500.0,), 3.0),
-    "gyro_installation": Kind("arcsec", units.ARCSEC, (206.26,), 1.0),
-    "accel_scale_factor": Kind("ppm", units.PPM, (500.0,), 2.0),
-    "accel_installation": Kind("arcsec", units.ARCSEC, (206.26,), 3.0),
-    "accel_quadratic": Kind("1e-9", units.QUADRATIC_SI_FACE_VALUE, (30.0,), 0.4),
-    "lever_arm": Kind("mm", units.MILLIMETRE, (10.0, 20.0, 30.0), 3.0),
+    "gyro_bias": Kind("deg/h", units.DEG_PER_HOUR),
+    "accel_bias": Kind("ug", units.MICRO_G),
+    "gyro_scale_factor": Kind("ppm", units.PPM),
+    "gyro_installation": Kind("arcsec", units.ARCSEC),
+    "accel_scale_factor": Kind("ppm", units.PPM),
+    "accel_installation": Kind("arcsec", units.ARCSEC),
+    "accel_quadratic": Kind("1e-9", units.QUADRATIC_SI_FACE_VALUE),
+    "lever_arm": Kind("mm", units.MILLIMETRE),
 }
 """The kinds of the paper's Table 3."""
 
@@ -94,6 +88,19 @@ KIND_OF: tuple[str, ...] = tuple(kind_of(name) for name in NAMES)
 
 UNITS: tuple[str, ...] = tuple(KINDS[kind].unit for kind in KIND_OF)
 """Paper unit of each of the 27 parameters, in state order."""
+
+
+def members(kind: str) -> np.ndarray:
+    """Indices in a 27-vector of the parameters of a kind, in state order.
+
+    Raises
+    ------
+    KeyError
+        If `kind` is not a key of `KINDS`.
+    """
+    if kind not in KINDS:
+        raise KeyError(kind)
+    return np.flatnonzero(np.array(KIND_OF) == kind)
 
 
 def si_units(quadratic_unit: float) -> np.ndarray:
@@ -139,19 +146,9 @@ def vector(values: Mapping[str, float | Sequence[float]]) -> np.ndarray:
         raise ValueError(f"parameter kinds {odd} are missing or unknown; allowed {sorted(KINDS)}")
     out = np.empty(COUNT)
     for kind, value in values.items():
-        members = [i for i, k in enumerate(KIND_OF) if k == kind]
+        own = members(kind)
         entries = np.atleast_1d(np.asarray(value, dtype=float))
-        if entries.shape not in ((1,), (len(members),)):
-            raise ValueError(f"{kind} takes one number or {len(members)}, not {entries.size}")
-        out[members] = entries
+        if entries.shape not in ((1,), (len(own),)):
+            raise ValueError(f"{kind} takes one number or {len(own)}, not {entries.size}")
+        out[own] = entries
     return out
-
-
-def paper_truth() -> np.ndarray:
-    """Truth of the paper's Table 3, shape (27,), in paper units."""
-    return vector({name: kind.paper_truth for name, kind in KINDS.items()})
-
-
-def paper_bounds() -> np.ndarray:
-    """Accuracy bounds of the paper's Table 3, shape (27,), in paper units."""
-    return vector({name: kind.paper_bound for name, kind in KINDS.items()})

@@ -11,17 +11,21 @@ State order: navigation (9), modelled parameters (n), initial attitude (3).
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from inscal import parameters
-from inscal.kernel import KERNEL
-from inscal.state_model import NAVIGATION, NoiseModel, StateModel, Transitions
+from inscal.kernel import compiled
+from inscal.state_model import (
+    NAVIGATION,
+    OBSERVED,
+    OBSERVED_STATES,
+    NoiseModel,
+    StateModel,
+    Transitions,
+)
 
-OBSERVED = 6
-"""Observed states: velocity and position errors, states 3 to 8."""
-_FIRST = 3
 ATTITUDE = 3
 """Appended states: the attitude error at the start."""
+_FIRST = OBSERVED_STATES.start
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,11 @@ class InitialStd:
     velocity: float
     position: float
     parameter: np.ndarray
+
+    @property
+    def navigation(self) -> np.ndarray:
+        """Sigmas of the nine navigation states, in state order, shape (9,)."""
+        return np.concatenate([self.attitude, np.full(3, self.velocity), np.full(3, self.position)])
 
 
 @dataclass(frozen=True)
@@ -69,15 +78,7 @@ class Gains:
 
 def initial_covariance(model: StateModel, std: InitialStd) -> np.ndarray:
     """Covariance at the start, initial attitude appended, shape (states + 3, states + 3)."""
-    sigma = np.concatenate(
-        [
-            std.attitude,
-            np.full(3, std.velocity),
-            np.full(3, std.position),
-            std.parameter[model.columns],
-            std.attitude,
-        ]
-    )
+    sigma = np.concatenate([std.navigation, std.parameter[model.columns], std.attitude])
     covariance = np.diag(sigma**2)
     # at the start the appended states are the attitude error itself
     covariance[:ATTITUDE, -ATTITUDE:] = covariance[-ATTITUDE:, :ATTITUDE] = np.diag(std.attitude**2)
@@ -142,7 +143,7 @@ def compute_gains(
     return Gains(full_gain, full_covariance, std_history, innovation)
 
 
-@njit(**KERNEL)
+@compiled
 def _recur(p, phi_nav, phi_par, index, q, r, gain, variance, innovation):
     """Predict and update `p` in place through all updates.
 

@@ -29,7 +29,7 @@ import numpy as np
 from scipy import special
 
 from inscal.comparison_statistics import holm
-from inscal.parameters import COUNT, GROUPS, KIND_OF, KINDS, NAMES
+from inscal.parameters import COUNT, GROUPS, KINDS, NAMES, members
 from inscal.statistics import nees_interval
 
 TOLERANCE = 0.02
@@ -56,12 +56,12 @@ _RARE = 1e-4
 LOOKS: dict[str, np.ndarray] = (
     {name: np.array([i]) for i, name in enumerate(NAMES)}
     | {group: np.array([NAMES.index(name) for name in names]) for group, names in GROUPS.items()}
-    | {kind: np.array([i for i, k in enumerate(KIND_OF) if k == kind]) for kind in KINDS}
+    | {kind: members(kind) for kind in KINDS}
     | {"all": np.arange(COUNT)}
 )
 """Parameters, and pools of them, that are compared: indices in a 27-vector."""
 
-_MEMBERS = np.array([np.isin(np.arange(COUNT), members) for members in LOOKS.values()], dtype=float)
+_MEMBERS = np.array([np.isin(np.arange(COUNT), own) for own in LOOKS.values()], dtype=float)
 _SIZES = _MEMBERS.sum(axis=1)
 
 

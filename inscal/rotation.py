@@ -15,15 +15,14 @@ they are power series in its square, which is what a vector unit likes best.
 """
 
 import numpy as np
-from numba import njit
 
-from inscal.kernel import INLINE
+from inscal.kernel import inlined
 
 MAX_STEP_ANGLE = 0.25
 """Largest rotation in one step, rad, for which the series below are exact to rounding."""
 
 
-@njit(**INLINE)
+@inlined
 def series(x):
     """Coefficients a, b, c, d of the module docstring, as power series.
 
@@ -48,13 +47,13 @@ def series(x):
     return a, b, c, d
 
 
-@njit(**INLINE)
+@inlined
 def cross(u, v):
     """Cross product of two 3-tuples."""
     return (u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0])
 
 
-@njit(**INLINE)
+@inlined
 def turn(p, q, u, v):
     """Apply I + p [u x] + q [u x]^2 to the 3-tuple v."""
     uv = cross(u, v)

@@ -19,9 +19,8 @@ may follow), so that lane loops vectorise; they are plain functions in Python to
 """
 
 import numpy as np
-from numba import njit
 
-from inscal.kernel import INLINE
+from inscal.kernel import inlined
 from inscal.parameters import INDEX
 from inscal.rotation import cross
 
@@ -56,14 +55,14 @@ def inverse_matrices(truth: np.ndarray) -> np.ndarray:
     return np.concatenate([gyro_inverse[:, rows, columns].T, accel_inverse.mT.reshape(lanes, 9).T])
 
 
-@njit(**INLINE)
+@inlined
 def lever_arm_force(p, j, w):
     """Specific force that the inner lever arms take away, m/s^2, at body rate `w`, rad/s."""
     x, y, z = w[0] * w[0], w[1] * w[1], w[2] * w[2]
     return (y + z) * p[_R, j], (z + x) * p[_R + 1, j], (x + y) * p[_R + 2, j]
 
 
-@njit(**INLINE)
+@inlined
 def spread_force(p, j, angle, velocity, rate):
     """Velocity increment, m/s, that the variance of f within a step adds to the quadratic term.
 
@@ -90,7 +89,7 @@ def spread_force(p, j, angle, velocity, rate):
     )
 
 
-@njit(**INLINE)
+@inlined
 def sense(p, inverse, j, angle, velocity, angle_noise, velocity_noise, dt):
     """Increments that imperfect sensors report.
 
@@ -138,13 +137,13 @@ def sense(p, inverse, j, angle, velocity, angle_noise, velocity_noise, dt):
     )
 
 
-@njit(**INLINE)
+@inlined
 def _unsquare(d2, u):
     """Solve f + d2 f^2 = u for the root near u, without cancellation when d2 is small."""
     return 2.0 * u / (1.0 + np.sqrt(1.0 + 4.0 * d2 * u))
 
 
-@njit(**INLINE)
+@inlined
 def compensate(p, j, angle, velocity, dt):
     """Increments of a step, corrected by estimated parameters: the inverse of `sense`.
 

@@ -11,13 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy.spatial.transform import Rotation
 
-from inscal.calibrator import Record
-from inscal.kernel import KERNEL, LANES, empty_aligned
+from inscal.kernel import LANES, compiled, empty_aligned
 from inscal.motion import Motion
 from inscal.parameters import COUNT
+from inscal.record import Record
 from inscal.recursion import InitialStd
 from inscal.sensor import inverse_matrices, sense
 from inscal.state_model import NoiseModel
@@ -44,6 +43,26 @@ class TruthModel:
 
     distribution: str
     scale: np.ndarray
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the runs of a campaign meet, whatever an estimator believes.
+
+    Attributes
+    ----------
+    parameters : TruthModel
+        Distribution of the true parameters.
+    noise : NoiseModel
+        True noise of sensors and observations.
+    initial : InitialStd
+        True spread of the initial attitude, velocity and position errors; its parameter part is
+        not used.
+    """
+
+    parameters: TruthModel
+    noise: NoiseModel
+    initial: InitialStd
 
 
 def generator(seed: int, run: int, purpose: str) -> np.random.Generator:
@@ -174,7 +193,7 @@ def simulate(
     )
 
 
-@njit(**KERNEL)
+@compiled
 def _draw(rng, out, lane, steps):
     """Standard normals of one lane, in order of time, six in a step."""
     for s in range(steps):
@@ -182,7 +201,7 @@ def _draw(rng, out, lane, steps):
             out[s, c, lane] = rng.standard_normal()
 
 
-@njit(**KERNEL)
+@compiled
 def _observe(generators, scale, out):
     """Observations: the true ones are zero, so noise of sigma `scale`, (steps, 6, LANES)."""
     block = np.empty((_BLOCK, 6, LANES))
@@ -196,7 +215,7 @@ def _observe(generators, scale, out):
                     out[first + s, c, j] = scale[c] * block[s, c, j]
 
 
-@njit(**KERNEL)
+@compiled
 def _sense(generators, scale, truth, inverse, duration, angle, velocity, out):
     """Reported increments of all steps; noise has sigma `scale` times the root of the step.
 

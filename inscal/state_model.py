@@ -31,6 +31,11 @@ from inscal.schedule import Schedule, segments
 NAVIGATION = 9
 """Navigation states, three each: attitude (N, E, D), velocity (N, E, D), position (N, E, h)."""
 
+OBSERVED_STATES = slice(3, 9)
+"""The observed navigation states: velocity and position errors."""
+OBSERVED = 6
+"""Their number."""
+
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 

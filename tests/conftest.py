@@ -13,7 +13,7 @@ from hypothesis import settings
 
 from inscal.schedule import Schedule
 from pipeline.config.load import load
-from pipeline.config.setup import Setup
+from pipeline.config.setup import Setup, parameter_vector
 from pipeline.gate.baseline import sample_of
 
 # compilation happens in the middle of an example; examples are the same in every run
@@ -48,6 +48,16 @@ def paper_schedule(positions: int = 25, position_duration: float = 500.0) -> Sch
     return dataclasses.replace(
         schedule, turns=schedule.turns[: positions - 1], position_duration=position_duration
     )
+
+
+def paper_truth():
+    """Truth of the paper's Table 3, shape (27,), in paper units."""
+    return parameter_vector(load(["truth=paper"]).truth)
+
+
+def paper_bounds():
+    """Accuracy bounds of the paper's Table 3, shape (27,), in paper units."""
+    return parameter_vector(load(["bounds=paper"]).bounds)
 
 
 @pytest.fixture(scope="session")

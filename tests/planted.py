@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from inscal import calibrator, earth, experiment, motion, recursion, simulation, state_model, units
+from inscal import earth, experiment, motion, recursion, simulation, state_model, units
 from inscal.parameters import GROUPS, INDEX, KIND_OF
 from pipeline.config.load import load
 from pipeline.config.setup import Setup
@@ -162,14 +162,19 @@ def lever_arm_sign_in_truth(patch):
     return with_sensed_truth(patch, scaled(INDEX["lever_arm"], -1.0))
 
 
+def _with_noise(experiment, **true):
+    noise = replace(experiment.truth.noise, **true)
+    return replace(experiment, truth=replace(experiment.truth, noise=noise))
+
+
 def observation_noise_under_modelled(patch):
     clean = reference()
-    return replace(clean, noise=replace(clean.noise, velocity=2 * clean.noise.velocity))
+    return _with_noise(clean, velocity=2 * clean.truth.noise.velocity)
 
 
 def sensor_noise_under_modelled(patch):
     clean = reference()
-    return replace(clean, noise=replace(clean.noise, gyro=2 * clean.noise.gyro))
+    return _with_noise(clean, gyro=2 * clean.truth.noise.gyro)
 
 
 def one_pass(patch):
@@ -228,12 +233,12 @@ def latitude_an_arcminute_off(patch):
 
 
 def metres_of_longitude_on_the_equator(patch):
-    original = calibrator._metres
+    original = motion.Site.metres.fget
 
     def metres(site):
         return original(site) / np.array([1.0, np.cos(site.latitude), 1.0])
 
-    patch.setattr(calibrator, "_metres", metres)
+    patch.setattr(motion.Site, "metres", property(metres))
     return reference()
 
 

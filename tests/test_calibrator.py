@@ -2,20 +2,21 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import paper_schedule
+from conftest import paper_schedule, paper_truth
 
 from inscal import parameters
-from inscal.calibrator import Record, calibrate, empty_history
-from inscal.estimator import build_estimator
+from inscal.calibrator import calibrate, empty_history
+from inscal.estimator import Belief, build_estimator
 from inscal.kernel import LANES
 from inscal.motion import Site, build_motion
+from inscal.record import Record
 from inscal.recursion import InitialStd
 from inscal.simulation import Workspace, simulate
-from inscal.state_model import NoiseModel, StateModel
+from inscal.state_model import NoiseModel
 
 SITE = Site(np.deg2rad(39.98), 50.0)
 NOISE = NoiseModel(1.5e-7, 5e-5, 1e-3, 0.1)
-SIZE = parameters.paper_truth() * parameters.si_units(1673.84e-9)
+SIZE = paper_truth() * parameters.si_units(1673.84e-9)
 STD = InitialStd(np.deg2rad([0.1, 0.1, 0.5]), 0.01, 1.0, SIZE)
 
 
@@ -26,9 +27,7 @@ def motion_of(schedule, turn_step=0.5, dwell_step=1.0):
 
 
 def estimator_of(schedule, passes=2):
-    return build_estimator(
-        schedule, SITE, StateModel(), NOISE, STD, update_interval=1.0, passes=passes
-    )
+    return build_estimator(schedule, SITE, Belief(NOISE, STD, passes=passes, update_interval=1.0))
 
 
 def perfect_record(motion):

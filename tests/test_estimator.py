@@ -1,24 +1,23 @@
 import dataclasses
 
 import numpy as np
-from conftest import paper_schedule
+from conftest import paper_schedule, paper_truth
 
 from inscal import parameters
-from inscal.estimator import CONSTANTS, build_estimator
+from inscal.estimator import CONSTANTS, Belief, build_estimator
 from inscal.motion import Site
 from inscal.recursion import InitialStd, compute_gains
 from inscal.state_model import NAVIGATION, NoiseModel, StateModel, build_transitions
 
 SITE = Site(np.deg2rad(39.98), 50.0)
 NOISE = NoiseModel(1.5e-7, 5e-5, 1e-3, 0.1)
-SIZE = parameters.paper_truth() * parameters.si_units(1673.84e-9)
+SIZE = paper_truth() * parameters.si_units(1673.84e-9)
 STD = InitialStd(np.deg2rad([0.1, 0.1, 0.5]), 0.01, 1.0, SIZE)
 
 
 def build(schedule, model=None, noise=NOISE, passes=2):
-    return build_estimator(
-        schedule, SITE, model or StateModel(), noise, STD, update_interval=1.0, passes=passes
-    )
+    belief = Belief(noise, STD, passes=passes, update_interval=1.0, model=model or StateModel())
+    return build_estimator(schedule, SITE, belief)
 
 
 def linear_pass(gains, transitions, start, observations):

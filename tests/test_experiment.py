@@ -1,17 +1,18 @@
 import numpy as np
 import pytest
-from conftest import paper_schedule
+from conftest import paper_schedule, paper_truth
 
 from inscal import parameters
+from inscal.estimator import Belief
 from inscal.experiment import prepare, run, run_with_history
 from inscal.motion import Site
 from inscal.recursion import InitialStd
-from inscal.simulation import TruthModel, Workspace
+from inscal.simulation import Truth, TruthModel, Workspace
 from inscal.state_model import NoiseModel, StateModel
 
 SITE = Site(np.deg2rad(39.98), 50.0)
 NOISE = NoiseModel(1.5e-7, 5e-5, 1e-3, 0.1)
-SIZE = parameters.paper_truth() * parameters.si_units(1673.84e-9)
+SIZE = paper_truth() * parameters.si_units(1673.84e-9)
 STD = InitialStd(np.deg2rad([0.1, 0.1, 0.5]), 0.01, 1.0, SIZE)
 
 
@@ -20,12 +21,8 @@ def experiment_on(schedule, truth=None, model=None):
         3,
         schedule,
         SITE,
-        NOISE,
-        STD,
-        truth or TruthModel("normal", SIZE),
-        model=model,
-        passes=2,
-        update_interval=1.0,
+        Truth(truth or TruthModel("normal", SIZE), NOISE, STD),
+        Belief(NOISE, STD, passes=2, update_interval=1.0, model=model or StateModel()),
         dwell_step=1.0,
         turn_step=0.2,
     )

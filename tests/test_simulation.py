@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from conftest import paper_schedule
+from conftest import paper_schedule, paper_truth
 from scipy import stats
 
 from inscal import parameters
@@ -13,7 +13,7 @@ from inscal.state_model import NoiseModel
 
 SITE = Site(np.deg2rad(39.98), 50.0)
 NOISE = NoiseModel(1.5e-7, 5e-5, 1e-3, 0.1)
-SIZE = parameters.paper_truth() * parameters.si_units(1673.84e-9)
+SIZE = paper_truth() * parameters.si_units(1673.84e-9)
 STD = InitialStd(np.deg2rad([0.1, 0.1, 0.5]), 0.01, 1.0, SIZE)
 
 

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from conftest import paper_schedule
+from conftest import paper_schedule, paper_truth
 from scipy.integrate import quad_vec
 from scipy.linalg import expm
 
@@ -21,7 +21,7 @@ from inscal.state_model import (
 
 SITE = Site(np.deg2rad(39.98), 50.0)
 NOISE = NoiseModel(1.5e-7, 5e-5, 1e-3, 0.1)
-SIZE = parameters.paper_truth() * parameters.si_units(1673.84e-9)
+SIZE = paper_truth() * parameters.si_units(1673.84e-9)
 
 
 def transitions(schedule, noise=NOISE):

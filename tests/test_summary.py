@@ -1,13 +1,14 @@
 import numpy as np
 import pytest
 import xarray as xr
+from conftest import paper_bounds, paper_truth
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
 from inscal import statistics
-from inscal.parameters import COUNT, NAMES, UNITS, paper_bounds, paper_truth
+from inscal.parameters import COUNT, NAMES, UNITS
 from inscal.statistics import wilson_interval
 from inscal.summary import compare, summarize
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from conftest import paper_truth
 
 from inscal import parameters, units
 
@@ -37,8 +38,18 @@ def test_parameters_are_the_papers_in_its_order():
     ]
 
 
+def test_members_of_a_kind_are_its_parameters_in_state_order():
+    for kind in parameters.KINDS:
+        own = parameters.members(kind)
+        assert [parameters.NAMES[i] for i in own] == [
+            name for name in parameters.NAMES if parameters.kind_of(name) == kind
+        ]
+    with pytest.raises(KeyError):
+        parameters.members("gyro_drift")
+
+
 def test_vector_spreads_kinds_and_checks_them():
-    truth = parameters.paper_truth()
+    truth = paper_truth()
     assert truth[parameters.INDEX["lever_arm"]].tolist() == [10, 20, 30]
     assert truth[parameters.NAMES.index("accel_k23")] == 206.26
     bounds = {kind: 1.0 for kind in parameters.KINDS}

@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 from distributed import wait
-from numba import njit
 
 from inscal.calibrator import calibrate
 from inscal.experiment import Experiment, run
-from inscal.kernel import KERNEL, LANES
+from inscal.kernel import LANES, compiled
 from inscal.simulation import Workspace, draw_truth, generator, simulate
 from pipeline.campaign.cluster import client
 from pipeline.campaign.driver import batches
@@ -27,7 +26,7 @@ _WARM = 8 * LANES
 _SESSIONS = 5
 
 
-@njit(**KERNEL)
+@compiled
 def _draw_yardstick(rng, count):
     total = 0.0
     for _ in range(count):
@@ -57,14 +56,14 @@ def cost(experiment: Experiment) -> dict[str, float]:
     rng = generator(0, 0, "sensors")
     workspace = Workspace.of(experiment.motion)
     runs = range(_TILES * LANES)
-    truth = np.array([draw_truth(experiment.truth, 0, r) for r in range(LANES)]).T
+    truth = np.array([draw_truth(experiment.truth.parameters, 0, r) for r in range(LANES)]).T
 
     def simulated():
         return simulate(
             truth,
             experiment.motion,
-            experiment.noise,
-            experiment.initial,
+            experiment.truth.noise,
+            experiment.truth.initial,
             seed=0,
             runs=range(LANES),
             workspace=workspace,

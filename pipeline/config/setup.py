@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -140,19 +139,25 @@ class Setup:
     @cached_property
     def experiment(self) -> Experiment:
         """All that the runs of a campaign share."""
+        from inscal.estimator import Belief
         from inscal.experiment import prepare
+        from inscal.kernel import is_compiled
+        from inscal.simulation import Truth
 
-        _tell_of_compilation()
+        if not is_compiled("calibrator"):
+            note("compiling the kernels, once: some ten seconds")
         return prepare(
             self.config.campaign.seed,
             self.schedule,
             self.site,
-            self.noise,
-            self.prior,
-            self.truth,
-            model=self.model,
-            passes=self.config.estimator.passes,
-            update_interval=self.config.estimator.update_interval_s,
+            Truth(self.truth, self.noise, self.prior),
+            Belief(
+                self.noise,
+                self.prior,
+                passes=self.config.estimator.passes,
+                update_interval=self.config.estimator.update_interval_s,
+                model=self.model,
+            ),
             dwell_step=self.config.simulation.dwell_step_s,
             turn_step=self.config.simulation.turn_step_s,
         )
@@ -171,10 +176,3 @@ class Setup:
 def parameter_vector(values: KindValues) -> NDArray[np.float64]:
     """Values of a configuration group in state order, shape (27,), in paper units."""
     return parameters.vector(values.by_kind())
-
-
-def _tell_of_compilation() -> None:
-    import numba
-
-    if not Path(getattr(numba.config, "CACHE_DIR", ".")).exists():
-        note("compiling the kernels, once: some ten seconds")

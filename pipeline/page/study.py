@@ -7,7 +7,9 @@ from typing import Any
 
 from inscal import statistics
 from inscal.parameters import COUNT, KIND_OF, KINDS, NAMES
+from pipeline.config.load import load
 from pipeline.config.schema import Config
+from pipeline.config.setup import parameter_vector
 from pipeline.gate import history
 from pipeline.gate.baseline import configuration_of
 from pipeline.page import charts as page_charts
@@ -137,7 +139,7 @@ def paper_section(wing: Claims) -> Section:
 
 def _paper_picture(table: Mapping[str, Mapping[str, float]]) -> Picture:
     series, rows, scores = ("the paper's run", "our RMSE"), [], []
-    bounds = dict(zip(NAMES, (KINDS[kind].paper_bound for kind in KIND_OF), strict=True))
+    bounds = dict(zip(NAMES, parameter_vector(load(["bounds=paper"]).bounds).tolist(), strict=True))
     for name, row in table.items():
         error = abs(row["paper_estimate"] - row["truth"])
         scores.append(error / row["rmse"])

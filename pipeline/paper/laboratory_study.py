@@ -121,7 +121,7 @@ def residual_truth(
 
 def with_truth(shared: Experiment, truth: np.ndarray) -> Experiment:
     """Copy an experiment with one true unit for all runs; `truth` in SI, shape (27,)."""
-    return replace(shared, truth=TruthModel("fixed", truth))
+    return replace(shared, truth=replace(shared.truth, parameters=TruthModel("fixed", truth)))
 
 
 def flights_of(
@@ -152,8 +152,8 @@ def flights_of(
         record = simulate(
             true,
             shared.motion,
-            shared.noise,
-            shared.initial,
+            shared.truth.noise,
+            shared.truth.initial,
             seed=shared.seed,
             runs=[runs[lane] for lane in lanes],
             workspace=workspace,

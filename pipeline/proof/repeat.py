@@ -69,7 +69,7 @@ def bounds_of(config: Config, experiment: Experiment) -> Bounds:
         update_interval=config.estimator.update_interval_s,
     )
     information = parameter_information(transitions, model, noise, initial)
-    of_truth = information.bayesian_covariance(experiment.truth.scale)
+    of_truth = information.bayesian_covariance(experiment.truth.parameters.scale)
     of_filter = information.bayesian_covariance(initial.parameter)
     sigma = experiment.estimator.predicted_std
     difference = np.abs(of_filter - experiment.estimator.parameter_covariance)
@@ -105,5 +105,5 @@ def repeat_runs(done: xr.Dataset, config: Config, experiment: Experiment) -> Sam
 def _prior_differs(config: Config, experiment: Experiment) -> list[str]:
     """Parameters whose prior is not the distribution that their truth is drawn from."""
     prior = Setup(config).prior.parameter
-    same = np.isclose(experiment.truth.scale, prior, rtol=1e-9, atol=0.0)
+    same = np.isclose(experiment.truth.parameters.scale, prior, rtol=1e-9, atol=0.0)
     return [name for name, equal in zip(NAMES, same, strict=True) if not equal]

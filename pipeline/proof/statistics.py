@@ -174,7 +174,8 @@ def innovations(repeated: Sample, experiment: Experiment, positions: int) -> dic
 
 def _observation_noise(experiment: Experiment) -> float:
     """Share of observation noise in the predicted variance of an innovation, median."""
-    noise = np.repeat([experiment.noise.velocity, experiment.noise.position], OBSERVED // 2)
+    about = experiment.truth.noise
+    noise = np.repeat([about.velocity, about.position], OBSERVED // 2)
     variance = experiment.estimator.first.innovation_covariance.diagonal(axis1=1, axis2=2)
     return float(np.median(noise**2 / variance))
 

@@ -73,7 +73,7 @@ def rank_counts(config: Config, convention: obs.Convention) -> tuple[obs.Ranks, 
 
 
 def _state_sigma(std: InitialStd) -> np.ndarray:
-    return np.concatenate([std.attitude, [std.velocity] * 3, [std.position] * 3, std.parameter])
+    return np.concatenate([std.navigation, std.parameter])
 
 
 def course_of(config: Config) -> Course:

@@ -9,12 +9,13 @@ import pytest
 import xarray as xr
 import zarr
 from campaigns import SHORT, make, run_stage, short
+from conftest import paper_bounds
 from scipy import stats
 
 from inscal import statistics
 from inscal.experiment import run, run_with_history
 from inscal.innovations import Sample, sample, share_beyond_band, whiten
-from inscal.parameters import COUNT, NAMES, UNITS, paper_bounds
+from inscal.parameters import COUNT, NAMES, UNITS
 from pipeline import consistency
 from pipeline.campaign.judged import as_json
 from pipeline.charts import consistency as consistency_plots
@@ -91,7 +92,7 @@ def judged(repeated):
         first=SimpleNamespace(innovation_covariance=covariance),
     )
     noise = SimpleNamespace(velocity=1e-3, position=0.1)
-    experiment = SimpleNamespace(estimator=estimator, noise=noise)
+    experiment = SimpleNamespace(estimator=estimator, truth=SimpleNamespace(noise=noise))
     return numbers.innovations(repeated, experiment, POSITIONS)
 
 

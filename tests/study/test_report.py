@@ -6,8 +6,9 @@ import re
 import numpy as np
 import pytest
 import xarray as xr
+from conftest import paper_bounds
 
-from inscal.parameters import COUNT, NAMES, UNITS, paper_bounds
+from inscal.parameters import COUNT, NAMES, UNITS
 from inscal.summary import compare, summarize
 from pipeline import figures
 from pipeline.campaign.judged import as_json
