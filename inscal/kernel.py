@@ -5,8 +5,9 @@ Kernels work on *lanes*: runs side by side in the last, contiguous axis of an ar
 remainder. Whatever lane a run sits in, it goes through the same instructions; that is what makes
 results independent of batch size to the last bit.
 
-A kernel is a function under `compiled`, a scalar function that kernels call one under `inlined`.
-The first of either calls `configure`, which sets what numba has to know before it compiles.
+A kernel is a function under `compiled`, a scalar function that kernels call one under `inlined`,
+and a piece of such a function one under `spliced`. The first of them calls `configure`, which sets
+what numba has to know before it compiles.
 """
 
 import hashlib
@@ -76,6 +77,23 @@ def inlined(function: Callable) -> Any:
     return njit(cache=configure() is not None, forceinline=True, **_OPTIONS)(function)
 
 
+def spliced(function: Callable) -> Any:
+    """Decorate a piece of a longer scalar function, cut out to have a name.
+
+    Its lines stand in the caller before anything is optimised, so the cut changes no bit. That of
+    `inlined` may: which product of a sum is fused depends on what the compiler sees with it.
+
+    Parameters
+    ----------
+    function : callable
+
+    Returns
+    -------
+    numba.core.dispatcher.Dispatcher
+    """
+    return njit(cache=configure() is not None, inline="always", **_OPTIONS)(function)
+
+
 @cache
 def configure() -> Path | None:
     """Set numba's options, which are those of the whole process; only the first call does.
@@ -87,7 +105,7 @@ def configure() -> Path | None:
     - Arrays made in a kernel begin on a cache line. Without it a tenth of a pass is a matter of
       luck.
 
-    `compiled` and `inlined` call it, so a program need not. One that compiles kernels of its own
+    `compiled`, `inlined` and `spliced` call it, so a program need not. One that compiles kernels of its own
     calls it first if they are to be built alike.
 
     Returns

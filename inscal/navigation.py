@@ -22,7 +22,7 @@ of latitude are short series, good to rounding within `MAX_OFFSET`.
 import numpy as np
 
 from inscal import earth
-from inscal.kernel import inlined
+from inscal.kernel import inlined, spliced
 from inscal.motion import Site
 from inscal.rotation import cross, series, turn
 
@@ -62,55 +62,21 @@ def advance(state, row, j, angle, velocity, dt, site):
     v = (state[vel, j], state[vel + 1, j], state[vel + 2, j])
     offset = state[pos, j]
     height = site[2] + state[pos + 2, j]
-
-    o2 = offset * offset
-    sin_o = offset * (1.0 - o2 * (1 / 6 - o2 * (1 / 120)))
-    cos_o = 1.0 - o2 * (0.5 - o2 * (1 / 24 - o2 * (1 / 720)))
-    sin_lat = site[0] * cos_o + site[1] * sin_o
-    cos_lat = site[1] * cos_o - site[0] * sin_o
-    meridian, prime_vertical = earth.radii_of_curvature(sin_lat)
-    radius_n, radius_e = meridian + height, prime_vertical + height
-    # three reciprocals for the price of one division
-    inverse = 1.0 / (radius_n * radius_e * cos_lat)
-    per_n, per_e = inverse * radius_e * cos_lat, inverse * radius_n * cos_lat
-    per_cos = inverse * radius_n * radius_e
+    sin_lat, cos_lat = _latitude(offset, site)
+    per_n, per_e, per_cos = _reciprocals(sin_lat, cos_lat, height)
     ie = (earth.EARTH_RATE * cos_lat, 0.0, -earth.EARTH_RATE * sin_lat)
     en = (v[1] * per_e, -v[0] * per_n, -v[1] * per_e * sin_lat * per_cos)
-
     c = (
         (state[at, j], state[at + 1, j], state[at + 2, j]),
         (state[at + 3, j], state[at + 4, j], state[at + 5, j]),
         (state[at + 6, j], state[at + 7, j], state[at + 8, j]),
     )
-    w = ((ie[0] + en[0]) * dt, en[1] * dt, (ie[2] + en[2]) * dt)
-    frame = (
-        c[0][0] * w[0] + c[1][0] * w[1] + c[2][0] * w[2],
-        c[0][1] * w[0] + c[1][1] * w[1] + c[2][1] * w[2],
-        c[0][2] * w[0] + c[1][2] * w[1] + c[2][2] * w[2],
-    )
-    # the frame turns slowly: a turn good to second order is good enough inside its J
-    slip = cross(angle, frame)
-    t = (
-        angle[0] - frame[0] + 0.5 * slip[0],
-        angle[1] - frame[1] + 0.5 * slip[1],
-        angle[2] - frame[2] + 0.5 * slip[2],
-    )
-    _, b, e, _ = series(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
-    frame = turn(-b, e, t, frame)
-    t = (angle[0] - frame[0], angle[1] - frame[1], angle[2] - frame[2])
-    a, b, _, d = series(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
-
-    force = turn(-0.5, d, t, velocity)
-    minus = (-t[0], -t[1], -t[2])
-    c0, c1, c2 = turn(a, b, minus, c[0]), turn(a, b, minus, c[1]), turn(a, b, minus, c[2])
-    state[at, j], state[at + 1, j], state[at + 2, j] = c0
-    state[at + 3, j], state[at + 4, j], state[at + 5, j] = c1
-    state[at + 6, j], state[at + 7, j], state[at + 8, j] = c2
-    gained = (
-        c0[0] * force[0] + c0[1] * force[1] + c0[2] * force[2],
-        c1[0] * force[0] + c1[1] * force[1] + c1[2] * force[2],
-        c2[0] * force[0] + c2[1] * force[1] + c2[2] * force[2],
-    )
+    t = _turned(angle, c, ((ie[0] + en[0]) * dt, en[1] * dt, (ie[2] + en[2]) * dt))
+    c, force = _turn(c, t, velocity)
+    state[at, j], state[at + 1, j], state[at + 2, j] = c[0]
+    state[at + 3, j], state[at + 4, j], state[at + 5, j] = c[1]
+    state[at + 6, j], state[at + 7, j], state[at + 8, j] = c[2]
+    gained = _to_navigation(c, force)
     coriolis = cross((2.0 * ie[0] + en[0], en[1], 2.0 * ie[2] + en[2]), v)
     gravity = earth.normal_gravity(sin_lat, height)
     n = (
@@ -122,6 +88,74 @@ def advance(state, row, j, angle, velocity, dt, site):
     state[pos, j] = offset + 0.5 * (v[0] + n[0]) * per_n * dt
     state[pos + 1, j] += 0.5 * (v[1] + n[1]) * per_e * per_cos * dt
     state[pos + 2, j] -= 0.5 * (v[2] + n[2]) * dt
+
+
+@spliced
+def _latitude(offset, site):
+    """Sine and cosine of the latitude at an offset from the site, rad."""
+    o2 = offset * offset
+    sin_o = offset * (1.0 - o2 * (1 / 6 - o2 * (1 / 120)))
+    cos_o = 1.0 - o2 * (0.5 - o2 * (1 / 24 - o2 * (1 / 720)))
+    return site[0] * cos_o + site[1] * sin_o, site[1] * cos_o - site[0] * sin_o
+
+
+@spliced
+def _reciprocals(sin_lat, cos_lat, height):
+    """One over the radii of motion north and east, 1/m, and over the cosine of latitude."""
+    meridian, prime_vertical = earth.radii_of_curvature(sin_lat)
+    radius_n, radius_e = meridian + height, prime_vertical + height
+    # three reciprocals for the price of one division
+    inverse = 1.0 / (radius_n * radius_e * cos_lat)
+    return (
+        inverse * radius_e * cos_lat,
+        inverse * radius_n * cos_lat,
+        inverse * radius_n * radius_e,
+    )
+
+
+@spliced
+def _turned(angle, c, w):
+    """Turn of the body relative to the navigation frame, whose own turn is `w`; all in rad."""
+    frame = _to_body(c, w)
+    # the frame turns slowly: a turn good to second order is good enough inside its J
+    slip = cross(angle, frame)
+    t = (
+        angle[0] - frame[0] + 0.5 * slip[0],
+        angle[1] - frame[1] + 0.5 * slip[1],
+        angle[2] - frame[2] + 0.5 * slip[2],
+    )
+    _, b, e, _ = series(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
+    frame = turn(-b, e, t, frame)
+    return angle[0] - frame[0], angle[1] - frame[1], angle[2] - frame[2]
+
+
+@spliced
+def _turn(c, t, velocity):
+    """Attitude after a turn `t`, and a velocity increment in the axes that it ends in."""
+    a, b, _, d = series(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
+    force = turn(-0.5, d, t, velocity)
+    minus = (-t[0], -t[1], -t[2])
+    return (turn(a, b, minus, c[0]), turn(a, b, minus, c[1]), turn(a, b, minus, c[2])), force
+
+
+@spliced
+def _to_body(c, u):
+    """Components of a vector in the body, C^T u."""
+    return (
+        c[0][0] * u[0] + c[1][0] * u[1] + c[2][0] * u[2],
+        c[0][1] * u[0] + c[1][1] * u[1] + c[2][1] * u[2],
+        c[0][2] * u[0] + c[1][2] * u[1] + c[2][2] * u[2],
+    )
+
+
+@spliced
+def _to_navigation(c, u):
+    """Components of a vector in the navigation frame, C u."""
+    return (
+        c[0][0] * u[0] + c[0][1] * u[1] + c[0][2] * u[2],
+        c[1][0] * u[0] + c[1][1] * u[1] + c[1][2] * u[2],
+        c[2][0] * u[0] + c[2][1] * u[1] + c[2][2] * u[2],
+    )
 
 
 @inlined

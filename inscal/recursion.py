@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from inscal import parameters
-from inscal.kernel import compiled
+from inscal.kernel import compiled, inlined
 from inscal.state_model import (
     NAVIGATION,
     OBSERVED,
@@ -157,69 +157,100 @@ def _recur(p, phi_nav, phi_par, index, q, r, gain, variance, innovation):
 
     The last is symmetric by construction and needs no other form: S is six by six and R positive.
     """
-    nav = NAVIGATION
     n = p.shape[0]
-    m = phi_par.shape[2]
-    rows = np.empty((nav, n))
+    rows = np.empty((NAVIGATION, n))
     w = np.empty((OBSERVED, n))
     low = np.empty((OBSERVED, OBSERVED))
     for k in range(len(index)):
-        par = phi_par[index[k]]
-        for i in range(nav):
-            for c in range(n):
-                rows[i, c] = 0.0
-            for j in range(nav):
-                f = phi_nav[i, j]
-                for c in range(n):
-                    rows[i, c] += f * p[j, c]
-            for j in range(m):
-                f = par[i, j]
-                if f != 0.0:
-                    for c in range(n):
-                        rows[i, c] += f * p[nav + j, c]
-        for i in range(nav):
-            for j in range(i + 1):
-                total = q[i, j]
-                for c in range(nav):
-                    total += rows[i, c] * phi_nav[j, c]
-                for c in range(m):
-                    total += rows[i, nav + c] * par[j, c]
-                p[i, j] = total
-                p[j, i] = total
-            for c in range(nav, n):
-                p[i, c] = rows[i, c]
-                p[c, i] = rows[i, c]
+        _predict(p, phi_nav, phi_par[index[k]], q, rows)
+        _factor(p, r, innovation[k], low)
+        _divide(p, low, w)
+        _gain(w, low, gain[k])
+        _update(p, w)
+        for c in range(phi_par.shape[2]):
+            variance[k, c] = p[NAVIGATION + c, NAVIGATION + c]
 
-        for i in range(OBSERVED):  # Cholesky factor of S
-            for j in range(i + 1):
-                total = p[_FIRST + i, _FIRST + j]
-                if i == j:
-                    total += r[i]
-                innovation[k, i, j] = total
-                innovation[k, j, i] = total
-                for c in range(j):
-                    total -= low[i, c] * low[j, c]
-                low[i, j] = np.sqrt(total) if i == j else total / low[j, j]
-        for i in range(OBSERVED):
-            for c in range(n):
-                w[i, c] = p[_FIRST + i, c]
-            for j in range(i):
-                f = low[i, j]
-                for c in range(n):
-                    w[i, c] -= f * w[j, c]
-            f = 1.0 / low[i, i]
-            for c in range(n):
-                w[i, c] *= f
+
+@inlined
+def _predict(p, phi_nav, par, q, rows):
+    """Carry the covariance over one interval; `rows` is room for P_n*."""
+    nav = NAVIGATION
+    n = p.shape[0]
+    m = par.shape[1]
+    for i in range(nav):
         for c in range(n):
-            for i in range(OBSERVED - 1, -1, -1):
-                total = w[i, c]
-                for j in range(i + 1, OBSERVED):
-                    total -= low[j, i] * gain[k, c, j]
-                gain[k, c, i] = total / low[i, i]
-        for i in range(n):
-            for j in range(OBSERVED):
-                f = w[j, i]
+            rows[i, c] = 0.0
+        for j in range(nav):
+            f = phi_nav[i, j]
+            for c in range(n):
+                rows[i, c] += f * p[j, c]
+        for j in range(m):
+            f = par[i, j]
+            if f != 0.0:
                 for c in range(n):
-                    p[i, c] -= f * w[j, c]
-        for c in range(m):
-            variance[k, c] = p[nav + c, nav + c]
+                    rows[i, c] += f * p[nav + j, c]
+    for i in range(nav):
+        for j in range(i + 1):
+            total = q[i, j]
+            for c in range(nav):
+                total += rows[i, c] * phi_nav[j, c]
+            for c in range(m):
+                total += rows[i, nav + c] * par[j, c]
+            p[i, j] = total
+            p[j, i] = total
+        for c in range(nav, n):
+            p[i, c] = rows[i, c]
+            p[c, i] = rows[i, c]
+
+
+@inlined
+def _factor(p, r, s, low):
+    """Covariance S of the innovations into `s`, and its Cholesky factor L into `low`."""
+    for i in range(OBSERVED):
+        for j in range(i + 1):
+            total = p[_FIRST + i, _FIRST + j]
+            if i == j:
+                total += r[i]
+            s[i, j] = total
+            s[j, i] = total
+            for c in range(j):
+                total -= low[i, c] * low[j, c]
+            low[i, j] = np.sqrt(total) if i == j else total / low[j, j]
+
+
+@inlined
+def _divide(p, low, w):
+    """W = L^-1 P_z*, by forward substitution."""
+    n = p.shape[0]
+    for i in range(OBSERVED):
+        for c in range(n):
+            w[i, c] = p[_FIRST + i, c]
+        for j in range(i):
+            f = low[i, j]
+            for c in range(n):
+                w[i, c] -= f * w[j, c]
+        f = 1.0 / low[i, i]
+        for c in range(n):
+            w[i, c] *= f
+
+
+@inlined
+def _gain(w, low, gain):
+    """K = W^T L^-1, by backward substitution."""
+    for c in range(w.shape[1]):
+        for i in range(OBSERVED - 1, -1, -1):
+            total = w[i, c]
+            for j in range(i + 1, OBSERVED):
+                total -= low[j, i] * gain[c, j]
+            gain[c, i] = total / low[i, i]
+
+
+@inlined
+def _update(p, w):
+    """P <- P - W^T W."""
+    n = p.shape[0]
+    for i in range(n):
+        for j in range(OBSERVED):
+            f = w[j, i]
+            for c in range(n):
+                p[i, c] -= f * w[j, c]
