@@ -105,8 +105,8 @@ def configure() -> Path | None:
     - Arrays made in a kernel begin on a cache line. Without it a tenth of a pass is a matter of
       luck.
 
-    `compiled`, `inlined` and `spliced` call it, so a program need not. One that compiles kernels of its own
-    calls it first if they are to be built alike.
+    `compiled`, `inlined` and `spliced` call it, so a program need not. One that compiles kernels of
+    its own calls it first if they are to be built alike.
 
     Returns
     -------
