@@ -1,0 +1,1 @@
+"""Pieces of Markdown and templates filled in; imports `pipeline.console` at most."""
