@@ -1,5 +1,6 @@
-"""Verdicts on what the paper claims: words decided by numbers, the same in every paper stage."""
+"""Verdicts: a claim, what was found, and a word decided by numbers; the same kind everywhere."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from pipeline.words import markdown as md
@@ -15,29 +16,57 @@ class Verdict:
     found: str
     word: str
 
+    @property
+    def met(self) -> bool:
+        """Whether the claim holds; not so of one that cannot be judged."""
+        return self.word == MET
+
+
+def judged(claim: str, found: str, met: bool) -> Verdict:
+    """Judge a claim that either holds or does not."""
+    return Verdict(claim, found, MET if met else NOT_MET)
+
 
 def within(claim: str, value: float, limit: float, text: str) -> Verdict:
     """Judge a claim that something stays below a limit."""
-    return Verdict(claim, text, MET if value <= limit else NOT_MET)
+    return judged(claim, text, value <= limit)
 
 
 def near(claim: str, value: float, expected: float, tolerance: float, text: str) -> Verdict:
     """Judge a claim of a size: met within `tolerance`, a share of `expected`."""
-    close = abs(value - expected) <= tolerance * abs(expected)
-    return Verdict(claim, text, MET if close else NOT_MET)
+    return judged(claim, text, abs(value - expected) <= tolerance * abs(expected))
 
 
 def share(claim: str, lower: float, upper: float, needed: float, text: str) -> Verdict:
     """Judge a claim that holds in a share of runs, of which only an interval is known."""
+    word = share_word(lower, upper, needed)
+    if word == UNDECIDED:
+        word += f", because the interval from {md.percent(lower)} to {md.percent(upper)} spans "
+        word += "the limit"
+    return Verdict(claim, text, word)
+
+
+def share_word(lower: float, upper: float, needed: float) -> str:
+    """Judge a share of which an interval is known: it must be wholly on one side of `needed`."""
     if lower >= needed:
-        return Verdict(claim, text, MET)
-    if upper < needed:
-        return Verdict(claim, text, NOT_MET)
-    because = f"the interval from {md.percent(lower)} to {md.percent(upper)} spans the limit"
-    return Verdict(claim, text, f"{UNDECIDED}, because {because}")
+        return MET
+    return NOT_MET if upper < needed else UNDECIDED
 
 
-def table(verdicts: list[Verdict]) -> str:
-    """Write verdicts as a Markdown table."""
-    rows = [(v.claim, v.found, f"**{v.word}**") for v in verdicts]
-    return md.table(("claim", "found", "verdict"), rows, 3)
+def table(verdicts: Iterable[Verdict], heading: str = "claim", plain: Sequence[str] = ()) -> str:
+    """Write verdicts as a Markdown table.
+
+    Parameters
+    ----------
+    verdicts : iterable of Verdict
+    heading : str
+        Of the claims.
+    plain : sequence of str
+        Words that are not set in bold.
+
+    Returns
+    -------
+    str
+    """
+    rows = [(v.claim, v.found, v.word if v.word in plain else f"**{v.word}**") for v in verdicts]
+    return md.table((heading, "found", "verdict"), rows, 3)
