@@ -61,7 +61,7 @@ def _summary(study: Study) -> str:
     if differs:
         prior += f", but for {md.codes(differs)}, where the prior is another"
     judged = checks(study)
-    missed = [check.requirement for check in judged if not check.met]
+    missed = [check.claim for check in judged if not check.met]
     earlier = earlier_checks(study)
     goals = f"Goals met: {len(judged) - len(missed)} of {len(judged)}."
     if missed:
@@ -85,7 +85,7 @@ def _summary(study: Study) -> str:
 
 def _goals(study: Study) -> str:
     rows = [
-        (c.requirement, c.found, "met" if c.met else "**not met**")
+        (c.claim, c.found, "met" if c.met else "**not met**")
         for c in (*checks(study), *earlier_checks(study))
     ]
     return "\n\n".join(

@@ -1,0 +1,4 @@
+"""Figures as PNG, in one style.
+
+May import `proof` and the rooms below it.
+"""
