@@ -18,8 +18,9 @@ from pipeline.charts.campaigns import Campaign
 from pipeline.config.load import load, resolved
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
-from pipeline.study import findings, report
-from pipeline.study.findings import MAIN, ONE_PASS, PAPER_TRUTH, Results
+from pipeline.study import findings, names, report
+from pipeline.study.findings import Results
+from pipeline.study.names import MAIN, ONE_PASS, PAPER_TRUTH
 
 BOUND = xr.DataArray(paper_bounds(), {"parameter": list(NAMES)})
 SIGMA = paper_bounds() / 5.0
@@ -65,7 +66,7 @@ def comparison_of(scale_a, durations=(9500.0, 12500.0)):
 def prototype():
     """Results in which all is well, but for the single pass."""
     honest = json_data(as_json(summary_of(campaign())))
-    summaries = {name: copy.deepcopy(honest) for name in findings.CAMPAIGNS}
+    summaries = {name: copy.deepcopy(honest) for name in names.CAMPAIGNS}
     summaries[ONE_PASS] = json_data(as_json(summary_of(campaign(scale=2.0))))
     for summary in summaries.values():
         for row in summary["parameters"].values():
