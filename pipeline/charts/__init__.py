@@ -1,0 +1,1 @@
+"""The figures, as matplotlib draws them. Imports console, words, config, campaign, study and proof."""

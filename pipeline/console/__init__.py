@@ -1,0 +1,3 @@
+"""What a command has to do with its terminal and its files: messages, progress, interrupts, writing.
+Imports no other room.
+"""

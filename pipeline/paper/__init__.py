@@ -1,0 +1,1 @@
+"""What the paper claims, checked claim by claim, one page each. Imports all rooms below it."""

@@ -1,0 +1,3 @@
+"""Whether the filter is as good as it says and as any could be: numbers, goals and `consistency.md`.
+Imports console, words, config, campaign and study.
+"""

@@ -1,0 +1,3 @@
+"""What the campaigns of the study show: findings, verdicts, `report.md`, and what a path makes
+observable. Imports console, words, config and campaign.
+"""
