@@ -1,1 +1,4 @@
-"""What the paper claims, checked claim by claim, one page each. Imports all rooms below it."""
+"""What the paper claims, checked claim by claim, one page each.
+
+Imports all rooms below it.
+"""

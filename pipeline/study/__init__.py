@@ -1,3 +1,5 @@
-"""What the campaigns of the study show: findings, verdicts, `report.md`, and what a path makes
-observable. Imports console, words, config and campaign.
+"""What the campaigns of the study show.
+
+Findings, verdicts, `report.md`, and what a path makes observable. Imports console, words, config
+and campaign.
 """
