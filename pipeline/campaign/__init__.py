@@ -1,4 +1,4 @@
-"""Campaigns: stores, the workers that make their runs, provenance, and what a campaign comes to.
+"""Making a campaign of runs and reading it: stores, workers, clusters, provenance, summaries.
 
-May import `config` and the rooms below it.
+Imports console, words and config.
 """

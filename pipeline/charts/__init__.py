@@ -1,4 +1,4 @@
-"""Figures as PNG, in one style.
+"""The figures, as matplotlib draws them.
 
-May import `proof` and the rooms below it.
+Imports console, words, config, campaign, study and proof.
 """

@@ -1,4 +1,4 @@
-"""The configuration: its schema, rules and messages, loading it, and what it means in SI.
+"""The configuration: its schema, its rules, how it is loaded, and what it means in SI.
 
-May import `words`, `console` and the library.
+Imports console and words.
 """

@@ -1,4 +1,4 @@
-"""The terminal: errors, help, progress, interrupts, tables, and files written in one guarded way.
+"""What a command has to do with its terminal and its files.
 
-May import `words`.
+Messages, progress, interrupts, writing. Imports no other room.
 """

@@ -1,4 +1,4 @@
-"""The gate: is this code worse than the committed baseline, and how sure is that.
+"""Whether a change lost accuracy: the baseline, its history, the judgement, and how sure that is.
 
-May import `study` and the rooms below it.
+Imports console, words, config, campaign and study.
 """

@@ -1,4 +1,4 @@
-"""The HTML page: one file with everything in it, to look at and click through.
+"""The HTML page of the study or of chosen campaigns: sections, charts and template.
 
-May import `charts` and the rooms below it.
+Imports every room below it, and of paper what the section on the paper shows.
 """

@@ -1,4 +1,4 @@
-"""The consistency study: is the filter as good as it says, and as any could be.
+"""Whether the filter is as good as it says and as any could be.
 
-May import `gate` and the rooms below it.
+Numbers, goals and `consistency.md`. Imports console, words, config, campaign and study.
 """

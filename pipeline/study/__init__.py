@@ -1,4 +1,5 @@
-"""The study: its campaigns by name, findings, verdicts, report, and what a path shows.
+"""What the campaigns of the study show.
 
-May import `campaign` and the rooms below it.
+Findings, verdicts, `report.md`, and what a path makes observable. Imports console, words, config
+and campaign.
 """
