@@ -25,6 +25,7 @@ from pipeline.gate import baseline, history
 from pipeline.page import compose as page
 from pipeline.page import data as page_data
 from pipeline.page import verdict as page_verdict
+from pipeline.study import names
 from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
 
 SECTIONS = [
