@@ -23,7 +23,6 @@ from pipeline.console.terminal import new_table, say, show
 from pipeline.study.findings import contest, contest_verdict
 
 _FOLDER = Path("results/comparison")
-_RESAMPLES = 4000
 
 
 def print_comparison(result: xr.Dataset) -> None:

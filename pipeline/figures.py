@@ -9,7 +9,6 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from inscal.summary import DONE
 from pipeline.campaign import store
 from pipeline.campaign.judged import summary_of
 from pipeline.charts import campaigns as plots
@@ -28,8 +27,7 @@ def load(config: Config, name: str) -> Campaign:
     path = names.RUNS / name
     summary = summary_of(config, path)
     campaign = store.read(path)
-    done = campaign.isel(run=(campaign["status"] == DONE).to_numpy())
-    return Campaign(done, summary, campaign.attrs["configuration"])
+    return Campaign(store.done(campaign), summary, campaign.attrs["configuration"])
 
 
 def draw_all(config: Config) -> dict[str, Figure]:

@@ -53,8 +53,8 @@ def batches(pending: np.ndarray, largest: int, threads: Callable[[], int]) -> It
     list of int
     """
     while len(pending):
-        share = len(pending) / (_SHARES * threads())
-        size = min(largest, LANES * math.ceil(share / LANES))
+        fair = len(pending) / (_SHARES * threads())
+        size = min(largest, LANES * math.ceil(fair / LANES))
         stretch = pending[:size]
         batch = stretch[stretch - stretch[0] == np.arange(len(stretch))]
         yield batch.tolist()

@@ -236,3 +236,18 @@ def read(path: str | Path) -> xr.Dataset:
         raise DataError(f"campaign store {path}: not found; make it with pipeline.simulate")
     _attributes(Path(path))
     return xr.load_dataset(path, engine="zarr", consolidated=False, chunks=None)
+
+
+def done(campaign: xr.Dataset) -> xr.Dataset:
+    """Select the runs done of a campaign.
+
+    Parameters
+    ----------
+    campaign : xarray.Dataset
+        Of `read`.
+
+    Returns
+    -------
+    xarray.Dataset
+    """
+    return campaign.isel(run=(campaign["status"] == DONE).to_numpy())

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,9 @@ from pipeline.config.setup import Setup
 from pipeline.console.progress import track
 from pipeline.gate.baseline import RUNS
 from pipeline.words import markdown
+from pipeline.words.render import render
+
+_TEMPLATES = Path(__file__).parent / "templates"
 
 _BLOCKS = 500
 _PAIRS = 5_000
@@ -235,7 +239,9 @@ def report(result: dict[str, Any]) -> str:
         f"(at most {100 * row['upper']:.2f})"
         for row in result["same_data_small"]
     )
-    return _TEXT.format(
+    return render(
+        _TEMPLATES,
+        "power.md.jinja",
         false_alarms=markdown.table(
             ("campaigns", "pairs", "worse", *(f"p < {level:g}" for level in _FAMILY_LEVELS)),
             [
@@ -268,35 +274,3 @@ def _alarm_row(name: str, row: Row) -> list[str]:
         alarms += f" (at most {100 * row['upper']:.3f} %)"
     levels = (f"{100 * row[f'family_below_{level:g}']:.3f} %" for level in _FAMILY_LEVELS)
     return [name, str(row["of"]), alarms, *levels]
-
-
-_TEXT = """# The gate, measured
-
-Written by `python -m pipeline.regress_power` with seed {seed}: {blocks} simulated campaigns of
-{runs_per_block} runs. Limits ("at least", "at most") are those of exact 95 % intervals.
-
-## False alarms
-
-A campaign of another seed against a baseline, nothing changed. "p <" are shares of pairs in which
-the smallest p-value, times the number of looks, is below a level; the tolerance keeps them below
-it. Simulated pairs show that normal errors stand for simulated ones; those are many enough to show
-the rate. With the same seed and the same code there can be no false alarm.
-
-{false_alarms}
-
-## Losses found, same data
-
-*scaled*: errors times 1.05. *independent*: an independent error added to each parameter. *common*:
-one number of each run added to all the parameters, the hardest loss to measure in a pool.
-
-{same}
-
-Losses that the tolerance allows, independent error in gyro_k, found worse: {small}.
-
-## Losses found, other seed
-
-The same losses (scaled) where the campaign shares nothing with the baseline: two samples of
-{runs_per_block} cannot tell 5 % of a group, so keep the seed. A loss of all shows in the NEES.
-
-{reseeded}
-"""

@@ -149,7 +149,7 @@ def read_campaign(config: Config, path: str | Path) -> Campaign:
         If there is no store, or fewer than two runs in it are done.
     """
     everything = store.read(path)
-    done = everything.isel(run=(everything["status"] == store.DONE).to_numpy())
+    done = store.done(everything)
     count, asked = done.sizes["run"], everything.sizes["run"]
     if count < FEWEST:
         raise DataError(f"campaign store {path}: {count} of {asked} runs done; a report needs two")

@@ -12,11 +12,11 @@ from inscal.parameters import NAMES
 from pipeline.page.data import Campaign
 from pipeline.page.parts import BAD, GOOD, OPEN, Cell, Section, Table
 from pipeline.study import findings
-from pipeline.study.findings import ENOUGH, RATIO_BAND, Summary
-from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
+from pipeline.study.findings import ENOUGH, HONEST, RATIO_BAND, Summary
+from pipeline.study.verdict import MET, NOT_MET, UNDECIDED, share_word
 from pipeline.words import markdown as md
 
-HONEST, TOO_SMALL, TOO_LARGE = "honest", "too small", "too large"
+TOO_SMALL, TOO_LARGE = "too small", "too large"
 NOT_ESTIMATED = "not estimated"
 
 _LOOKS = {
@@ -33,9 +33,7 @@ def look(word: str) -> str:
 
 def bound_verdict(row: Mapping[str, float]) -> str:
     """Say whether a parameter keeps its bound in enough runs."""
-    if row["share_within_bound_lower"] >= ENOUGH:
-        return MET
-    return NOT_MET if row["share_within_bound_upper"] < ENOUGH else UNDECIDED
+    return share_word(row["share_within_bound_lower"], row["share_within_bound_upper"], ENOUGH)
 
 
 def sigma_verdict(row: Mapping[str, float]) -> str:
@@ -48,11 +46,10 @@ def sigma_verdict(row: Mapping[str, float]) -> str:
 
 def headline(summary: Summary) -> str:
     """Say in a sentence whether all bounds are met at once."""
-    joint = md.share(*(summary[f"joint_share{end}"] for end in ("", "_lower", "_upper")))
-    word = "met" if summary["joint_share"] >= ENOUGH else "not met"
     return (
-        f"The bounds are {word}: all {len(summary['parameters'])} hold at once in {joint} of "
-        f"{summary['runs_done']} runs, where {_PERCENT} is asked for."
+        f"The bounds are {findings.bounds_word(summary)}: all {len(summary['parameters'])} hold at "
+        f"once in {findings.joint_text(summary)} of {summary['runs_done']} runs, where {_PERCENT} "
+        "is asked for."
     )
 
 

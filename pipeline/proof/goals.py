@@ -9,7 +9,7 @@ from typing import Any
 from inscal.recursion import OBSERVED
 from inscal.statistics import nominal_coverage
 from pipeline.proof.statistics import CONFIDENCE, OUTSIDE_BAND
-from pipeline.study.findings import Check
+from pipeline.study.verdict import Verdict, judged
 from pipeline.words import markdown as md
 
 Study = Mapping[str, Any]
@@ -27,7 +27,7 @@ PERCENT = f"{100 * CONFIDENCE:g} %"
 """Confidence of the intervals of NEES, NIS and shares, as text."""
 
 
-def checks(study: Study) -> list[Check]:
+def checks(study: Study) -> list[Verdict]:
     """Judge the estimates and the pass that gives them.
 
     Parameters
@@ -36,7 +36,7 @@ def checks(study: Study) -> list[Check]:
 
     Returns
     -------
-    list of Check
+    list of Verdict
     """
     passes = study["innovations"]["passes"]
     return [
@@ -47,7 +47,7 @@ def checks(study: Study) -> list[Check]:
     ]
 
 
-def earlier_checks(study: Study) -> list[Check]:
+def earlier_checks(study: Study) -> list[Verdict]:
     """Judge the passes that only start the next one.
 
     Parameters
@@ -56,35 +56,35 @@ def earlier_checks(study: Study) -> list[Check]:
 
     Returns
     -------
-    list of Check
+    list of Verdict
     """
     earlier = study["innovations"]["passes"][:-1]
     return [c for n, one in enumerate(earlier, start=1) for c in _innovation_checks(n, one)]
 
 
-def _estimate_checks(study: Study) -> list[Check]:
+def _estimate_checks(study: Study) -> list[Verdict]:
     table, mean = study["parameters"], study["nees_mean"]
     count = len(table)
     bias = _largest(table, bias_deviation)
     sigma = _largest(table, sigma_deviation)
     return [
-        Check("no run failed", f"{study['runs_failed']} failed", study["runs_failed"] == 0),
-        Check(
+        judged("no run failed", f"{study['runs_failed']} failed", study["runs_failed"] == 0),
+        judged(
             f"mean NEES {count} ± {NEES_TOLERANCE:g}",
             f"{mean:.2f}",
             abs(mean - count) <= NEES_TOLERANCE,
         ),
-        Check(
+        judged(
             f"mean NEES inside its {PERCENT} interval",
             f"{mean:.2f} in {study['nees_lower']:.2f} to {study['nees_upper']:.2f}",
             study["nees_lower"] <= mean <= study["nees_upper"],
         ),
-        Check(
+        judged(
             f"no bias above {LARGEST_DEVIATION:g} standard errors",
             f"largest {bias[1]:.2f} ({md.code(bias[0])})",
             bias[1] <= LARGEST_DEVIATION,
         ),
-        Check(
+        judged(
             f"no predicted sigma off by more than {LARGEST_DEVIATION:g} standard errors",
             f"largest {sigma[1]:.2f} ({md.code(sigma[0])})",
             sigma[1] <= LARGEST_DEVIATION,
@@ -92,7 +92,7 @@ def _estimate_checks(study: Study) -> list[Check]:
     ]
 
 
-def _coverage_checks(study: Study) -> list[Check]:
+def _coverage_checks(study: Study) -> list[Verdict]:
     table = study["parameters"]
     result = []
     for count in (1, 2, 3):
@@ -100,7 +100,7 @@ def _coverage_checks(study: Study) -> list[Check]:
         outside = outside_of(table, name, nominal, "_all")
         shares = [row[name] for row in table.values()]
         result.append(
-            Check(
+            judged(
                 f"{count} sigma covers {md.percent(nominal)} of runs, by intervals for all at once",
                 f"{md.percent(min(shares))} to {md.percent(max(shares))}, "
                 f"{len(outside)} outside{md.named(outside)}",
@@ -110,17 +110,17 @@ def _coverage_checks(study: Study) -> list[Check]:
     return result
 
 
-def _bound_checks(study: Study) -> list[Check]:
+def _bound_checks(study: Study) -> list[Verdict]:
     table = study["parameters"]
     outside = outside_of(table, "rmse_over_bound", 1.0, "_all")
     ratios = [row["rmse_over_bound"] for row in table.values()]
     return [
-        Check(
+        judged(
             f"filter's covariance is the Cramér-Rao bound to {SAME_COVARIANCE:g} sigma",
             f"{study['filter_difference']:.1g}",
             study["filter_difference"] <= SAME_COVARIANCE,
         ),
-        Check(
+        judged(
             "RMSE is at the Cramér-Rao bound, by intervals for all at once",
             f"{min(ratios):.3f} to {max(ratios):.3f}, {len(outside)} outside{md.named(outside)}",
             not outside,
@@ -128,15 +128,15 @@ def _bound_checks(study: Study) -> list[Check]:
     ]
 
 
-def _innovation_checks(number: int, one: Study) -> list[Check]:
+def _innovation_checks(number: int, one: Study) -> list[Verdict]:
     nis, share = one["stretches"][0]["nis"], one["stretches"][0]["share_beyond_band"]
     return [
-        Check(
+        judged(
             f"pass {number}: mean NIS inside its {PERCENT} interval about {OBSERVED}",
             f"{nis['mean']:.4f} in {nis['lower']:.4f} to {nis['upper']:.4f}",
             nis_consistent(nis),
         ),
-        Check(
+        judged(
             f"pass {number}: white innovations, {md.percent(OUTSIDE_BAND)} of autocorrelations "
             "beyond their band",
             share_text(share),

@@ -51,7 +51,7 @@ def done_of(path: str | Path) -> xr.Dataset:
         raise DataError(f"campaign store {path}: the study needs truth.distribution = normal")
     if not (campaign["predicted_std"] > 0.0).all():
         raise DataError(f"campaign store {path}: the filter does not estimate all parameters")
-    done = campaign.isel(run=(campaign["status"] == store.DONE).to_numpy())
+    done = store.done(campaign)
     if done.sizes["run"] < 2:
         raise DataError(f"campaign store {path}: a study needs two runs that did not fail")
     return done.assign_attrs(failed=int((campaign["status"] == store.FAILED).sum()))

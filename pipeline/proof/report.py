@@ -22,6 +22,7 @@ from pipeline.proof.goals import (
     white,
 )
 from pipeline.proof.statistics import CONFIDENCE, LAGS, OUTSIDE_BAND
+from pipeline.study import verdict
 from pipeline.words import markdown as md
 
 
@@ -61,7 +62,7 @@ def _summary(study: Study) -> str:
     if differs:
         prior += f", but for {md.codes(differs)}, where the prior is another"
     judged = checks(study)
-    missed = [check.requirement for check in judged if not check.met]
+    missed = [check.claim for check in judged if not check.met]
     earlier = earlier_checks(study)
     goals = f"Goals met: {len(judged) - len(missed)} of {len(judged)}."
     if missed:
@@ -84,14 +85,11 @@ def _summary(study: Study) -> str:
 
 
 def _goals(study: Study) -> str:
-    rows = [
-        (c.requirement, c.found, "met" if c.met else "**not met**")
-        for c in (*checks(study), *earlier_checks(study))
-    ]
+    verdicts = [*checks(study), *earlier_checks(study)]
     return "\n\n".join(
         (
             "## Goals",
-            md.table(("goal", "found", "verdict"), rows, 3),
+            verdict.table(verdicts, "goal", plain=(verdict.MET,)),
             f"Intervals for all at once are wide enough ({len(study['parameters'])} looks, "
             "Bonferroni) that none of them misses in 95 of 100 campaigns of a perfect filter. "
             "Passes before the last only give the next one its start.",

@@ -15,12 +15,21 @@ from pipeline.campaign import store
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
 from pipeline.study.names import CAMPAIGNS, COMPARISONS, MAIN, PAPER_TRUTH, RUNS
+from pipeline.study.verdict import MET, NOT_MET, Verdict, judged
+from pipeline.words import markdown as md
+from pipeline.words.render import sentence
+
+TEMPLATES = Path(__file__).parent / "templates"
+"""Folder of the texts on the study."""
 
 RATIO_BAND = (0.93, 1.10)
 """RMSE over predicted standard deviation of a parameter whose sigma is honest."""
 
 ENOUGH = 0.99
 """Share of runs from which on a bound counts as met."""
+
+HONEST = "honest"
+"""Word for a filter whose sigma is the scatter of its errors."""
 
 _SUMMARY_FOLDER = Path("results/summary")
 _COMPARISON_FOLDER = Path("results/comparison")
@@ -30,15 +39,6 @@ _NEES_BAND = (26.0, 28.5)
 _SAME_TIME_PERCENT = 0.1  # a smaller difference is rounding of the position time
 
 Summary = Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Check:
-    """A requirement, the numbers it is judged by, and whether they meet it."""
-
-    requirement: str
-    found: str
-    met: bool
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def least_within(summary: Summary) -> str:
 def honesty(summary: Summary) -> str:
     """Verdict on the filter's covariance: the mean NEES against its 95 % interval."""
     if summary["nees_lower"] <= summary["nees_mean"] <= summary["nees_upper"]:
-        return "honest"
+        return HONEST
     too_large = summary["nees_mean"] > summary["nees_upper"]
     return f"dishonest ({'overconfident' if too_large else 'too cautious'})"
 
@@ -182,6 +182,16 @@ def dishonest_parameters(summary: Summary) -> list[str]:
         if ratio_interval(table[name])[0] > high or ratio_interval(table[name])[1] < low
     ]
     return sorted(outside, key=ratio.__getitem__, reverse=True)
+
+
+def joint_text(summary: Summary) -> str:
+    """Share of runs that keep all bounds at once, with its 95 % interval."""
+    return md.share(*(summary[f"joint_share{end}"] for end in ("", "_lower", "_upper")))
+
+
+def bounds_word(summary: Summary) -> str:
+    """Verdict on all bounds at once."""
+    return MET if summary["joint_share"] >= ENOUGH else NOT_MET
 
 
 def missed(summary: Summary) -> dict[str, float]:
@@ -199,7 +209,7 @@ def degrees_of_freedom(summary: Summary) -> int:
     return len(ratios(summary))
 
 
-def checks(summaries: Mapping[str, Summary]) -> list[Check]:
+def checks(summaries: Mapping[str, Summary]) -> list[Verdict]:
     """Judge the project's requirements on campaigns `MAIN` and `PAPER_TRUTH`.
 
     Parameters
@@ -208,7 +218,7 @@ def checks(summaries: Mapping[str, Summary]) -> list[Check]:
 
     Returns
     -------
-    list of Check
+    list of Verdict
     """
     main, paper = summaries[MAIN], summaries[PAPER_TRUTH]
     (low, high), (nees_low, nees_high) = RATIO_BAND, _NEES_BAND
@@ -216,19 +226,19 @@ def checks(summaries: Mapping[str, Summary]) -> list[Check]:
     inside, largest = sum(low <= r <= high for r in ratio.values()), max(ratio.values())
     needed = count - _RATIO_EXCEPTIONS
     return [
-        Check(
+        judged(
             f"`{MAIN}`: RMSE/predicted between {low:.2f} and {high:.2f} for at least {needed} of "
             f"{count} parameters and never above {_RATIO_CEILING:.2f}",
             f"{inside} of {count} inside, smallest {min(ratio.values()):.3f}, "
             f"largest {largest:.3f}",
             inside >= needed and largest <= _RATIO_CEILING,
         ),
-        Check(
+        judged(
             f"`{MAIN}`: NEES mean between {nees_low:g} and {nees_high:g}",
             f"{main['nees_mean']:.2f}",
             nees_low <= main["nees_mean"] <= nees_high,
         ),
-        Check(
+        judged(
             f"`{PAPER_TRUTH}`: all {count} parameters within bounds at once in at least "
             f"{100 * ENOUGH:g} % of runs",
             f"{100 * paper['joint_share']:.1f} %, 95 % interval "
@@ -266,23 +276,13 @@ def contest(comparison: Summary) -> Contest:
 
 def contest_verdict(result: Contest) -> str:
     """Say in a short paragraph which campaign wins, by how much and at what cost."""
-    worse, better = len(result.worse), len(result.better)
-    if worse == better:
-        winner = "neither is better on the whole"
-    else:
-        winner = f"{result.b if worse > better else result.a} is better"
-        winner += " on balance, not throughout" if worse and better else ""
-    return (
-        f"{winner}; {time_text(result)}. {result.a} is significantly worse in {worse} "
-        f"parameters and better in {better}, by intervals that hold for all at once; "
-        f"the median RMSE ratio is {result.median:.2f}, the range {result.lowest:.2f} to "
-        f"{result.highest:.2f}."
-    )
+    counts = {"worse": len(result.worse), "better": len(result.better)}
+    values = vars(result) | counts | {"time": time_text(result)}
+    return sentence(TEMPLATES, "contest_verdict", **values)
 
 
 def time_text(result: Contest) -> str:
     """Say what `a` costs in time next to `b`."""
     saved = result.time_saved_percent
-    if abs(saved) < _SAME_TIME_PERCENT:
-        return "both take the same time"
-    return f"{result.a} {'saves' if saved > 0 else 'costs'} {abs(saved):.0f} % of the time"
+    same = abs(saved) < _SAME_TIME_PERCENT
+    return sentence(TEMPLATES, "contest_time", a=result.a, saved=saved, same_time=same)

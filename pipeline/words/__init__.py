@@ -1,1 +1,1 @@
-"""Pieces of Markdown and templates filled in; imports `pipeline.console` at most."""
+"""Words: Markdown, and templates filled in. Imports nothing of the pipeline."""

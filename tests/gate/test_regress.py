@@ -12,7 +12,7 @@ from normal_samples import normal_errors
 
 from inscal import regression
 from pipeline import regress
-from pipeline.config.load import load
+from pipeline.config.load import differences, load
 from pipeline.console.errors import DataError
 from pipeline.gate import baseline, history, judge, power
 
@@ -161,11 +161,11 @@ def test_a_baseline_that_cannot_be_read_is_one_line(kept, harm):
 def test_differences_name_the_key_and_both_values(reference):
     old = baseline.configuration_of(reference)
     new = baseline.configuration_of(load(["noise=quiet", "campaign.batch=7", "campaign.seed=4"]))
-    lines = baseline.differences(old, new)
+    lines = differences(old, new)
     assert "noise.position_observation_m = 0.1 -> 0.05" in lines
     assert "seed = 20260101 -> 4" in lines
     assert {line.split(".")[0].split(" ")[0] for line in lines} == {"noise", "seed"}
-    assert baseline.differences(old, old) == []
+    assert differences(old, old) == []
 
 
 def test_this_code_passes_the_committed_baseline(clean, bound):

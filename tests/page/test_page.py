@@ -25,7 +25,7 @@ from pipeline.gate import baseline, history
 from pipeline.page import compose as page
 from pipeline.page import data as page_data
 from pipeline.page import verdict as page_verdict
-from pipeline.study import findings
+from pipeline.study import names
 from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
 
 SECTIONS = [
@@ -370,7 +370,7 @@ def test_importing_the_package_does_not_import_the_page():
 
 
 def test_study_names_every_campaign_it_needs():
-    assert {findings.MAIN, findings.ONE_PASS} <= set(findings.CAMPAIGNS)
+    assert {names.MAIN, names.ONE_PASS} <= set(names.CAMPAIGNS)
     assert {f"position25-{noise}" for noise in ("quiet", "reference", "noisy")} <= set(
-        findings.CAMPAIGNS
+        names.CAMPAIGNS
     )

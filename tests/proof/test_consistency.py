@@ -121,7 +121,7 @@ def honest(white):
 
 
 def missed(study):
-    return [check.requirement for check in consistency_goals.checks(study) if not check.met]
+    return [check.claim for check in consistency_goals.checks(study) if not check.met]
 
 
 def test_an_honest_filter_meets_every_goal(honest):
@@ -220,7 +220,7 @@ def test_an_overconfident_filter_is_found_out(white):
 def test_a_biased_parameter_is_found_by_name(white):
     shift = np.where(np.array(NAMES) == "accel_bias_y", 0.25, 0.0) * SIGMA
     _, study = study_of(normal_errors() + shift, white)
-    check = next(c for c in consistency_goals.checks(study) if "bias" in c.requirement)
+    check = next(c for c in consistency_goals.checks(study) if "bias" in c.claim)
     assert not check.met
     assert "accel_bias_y" in check.found
     row = study["parameters"]["accel_bias_y"]

@@ -18,8 +18,9 @@ from pipeline.charts.campaigns import Campaign
 from pipeline.config.load import load, resolved
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
-from pipeline.study import findings, report
-from pipeline.study.findings import MAIN, ONE_PASS, PAPER_TRUTH, Results
+from pipeline.study import findings, names, report
+from pipeline.study.findings import Results
+from pipeline.study.names import MAIN, ONE_PASS, PAPER_TRUTH
 
 BOUND = xr.DataArray(paper_bounds(), {"parameter": list(NAMES)})
 SIGMA = paper_bounds() / 5.0
@@ -65,14 +66,14 @@ def comparison_of(scale_a, durations=(9500.0, 12500.0)):
 def prototype():
     """Results in which all is well, but for the single pass."""
     honest = json_data(as_json(summary_of(campaign())))
-    summaries = {name: copy.deepcopy(honest) for name in findings.CAMPAIGNS}
+    summaries = {name: copy.deepcopy(honest) for name in names.CAMPAIGNS}
     summaries[ONE_PASS] = json_data(as_json(summary_of(campaign(scale=2.0))))
     for summary in summaries.values():
         for row in summary["parameters"].values():
             row["rmse_over_predicted"] = 1.0 if summary is not summaries[ONE_PASS] else 2.0
     comparisons = {
-        findings.EQUAL_POSITION_TIME: comparison_of(3.0),
-        findings.EQUAL_TOTAL_TIME: comparison_of(3.0, (12502.0, 12500.0)),
+        "equal_position_time": comparison_of(3.0),
+        "equal_total_time": comparison_of(3.0, (12502.0, 12500.0)),
     }
     return Results(summaries, comparisons, CONFIGURATION)
 
@@ -169,7 +170,7 @@ def test_single_pass_is_called_what_its_numbers_are(results):
 
 
 def test_schedule_verdict_follows_the_simultaneous_intervals(results):
-    comparison = results.comparisons[findings.EQUAL_POSITION_TIME]
+    comparison = results.comparisons["equal_position_time"]
     verdict = findings.contest_verdict(findings.contest(comparison))
     assert verdict.startswith(f"{comparison['b']} is better; {comparison['a']} saves 24 % of the")
     assert "significantly worse in 27 parameters and better in 0" in verdict
@@ -188,7 +189,7 @@ def test_schedule_verdict_follows_the_simultaneous_intervals(results):
 
 
 def test_same_time_is_called_so(results):
-    result = findings.contest(results.comparisons[findings.EQUAL_TOTAL_TIME])
+    result = findings.contest(results.comparisons["equal_total_time"])
     assert findings.time_text(result) == "both take the same time"
     slower = dataclasses.replace(result, time_saved_percent=-10.0)
     assert findings.time_text(slower) == f"{result.a} costs 10 % of the time"
