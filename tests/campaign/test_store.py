@@ -285,7 +285,7 @@ def test_fingerprint_changes_with_the_source_of_what_a_run_needs(tmp_path, monke
     )
     config = load(SHORT)
     before = store.fingerprint(config)
-    monkeypatch.setattr(kernel, "__file__", str(copy / "kernel.py"))
+    monkeypatch.setattr(kernel, "_PACKAGE", copy)
     assert store.fingerprint(config) == before
     for name, decides in (("summary", False), ("earth", True)):
         source = copy / f"{name}.py"
