@@ -26,7 +26,7 @@ from pipeline.console.output import json_data, write_text
 from pipeline.console.progress import busy
 from pipeline.proof import report as consistency_report
 from pipeline.proof import statistics as numbers
-from pipeline.proof.repeat import FOLDER, REPORT, _prior_differs, bounds_of, done_of, repeat_runs
+from pipeline.proof.repeat import FOLDER, REPORT, bounds_of, done_of, prior_differs, repeat_runs
 
 
 @stage
@@ -43,7 +43,7 @@ def main(config: Config) -> None:
         seed=made_with.campaign.seed,
         usual_seed=config.campaign.seed,
         noise=done.attrs["configuration"]["noise"],
-        prior_differs=_prior_differs(made_with, experiment),
+        prior_differs=prior_differs(made_with, experiment),
         positions=positions,
         position_duration_s=made_with.schedule.position_duration_s,
         innovations=numbers.innovations(repeated, experiment, positions),

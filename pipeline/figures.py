@@ -10,7 +10,7 @@ from pathlib import Path
 from matplotlib.figure import Figure
 
 from pipeline.campaign import store
-from pipeline.campaign.judged import summary_of
+from pipeline.campaign.judged import summary
 from pipeline.charts import campaigns as plots
 from pipeline.charts import style
 from pipeline.charts.campaigns import Campaign
@@ -25,9 +25,9 @@ FOLDER = Path("results/figures")
 def load(config: Config, name: str) -> Campaign:
     """Load a campaign by the name of its store; DataError if it is missing or empty."""
     path = names.RUNS / name
-    summary = summary_of(config, path)
     campaign = store.read(path)
-    return Campaign(store.done(campaign), summary, campaign.attrs["configuration"])
+    judged = summary(config, path, campaign)
+    return Campaign(store.done(campaign), judged, campaign.attrs["configuration"])
 
 
 def draw_all(config: Config) -> dict[str, Figure]:

@@ -11,8 +11,6 @@ Reads: schedule noise estimator out sensor site bounds.
 """
 
 from inscal.parameters import NAMES, UNITS
-from inscal.recursion import compute_gains
-from inscal.state_model import StateModel, build_transitions
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
@@ -23,20 +21,11 @@ from pipeline.console.terminal import new_table, show
 @stage
 def main(config: Config) -> None:
     """Print the table; write it as JSON where `out` says."""
-    complain(Setup(config).warnings)
-    model, noise = StateModel(tuple(config.estimator.states)), Setup(config).noise
-    transitions = build_transitions(
-        Setup(config).schedule,
-        Setup(config).site,
-        model,
-        noise,
-        update_interval=config.estimator.update_interval_s,
-    )
-    gains = compute_gains(transitions, model, noise, Setup(config).prior)
-    std = gains.parameter_std[-1] / Setup(config).unit
-    bound = Setup(config).bound
+    setup = Setup(config)
+    complain(setup.warnings)
+    std = setup.gains.parameter_std[-1] / setup.unit
     table = new_table(("parameter", "unit"), ("predicted_std", "bound", "bound / sigma"))
-    for name, unit, sigma, limit in zip(NAMES, UNITS, std, bound, strict=True):
+    for name, unit, sigma, limit in zip(NAMES, UNITS, std, setup.bound, strict=True):
         ratio = f"{limit / sigma:.1f}" if sigma > 0 else "not modelled"
         table.add_row(name, unit, f"{sigma:.4g}", f"{limit:g}", ratio)
     show(f"predicted 1 sigma: {config.schedule.name}, noise {config.noise.name}", table)

@@ -24,11 +24,11 @@ def history_dataset(config: Config) -> xr.Dataset:
     xarray.Dataset
         Dimensions calibration_pass, time, parameter and observation; parameters in paper units.
     """
-    experiment = Setup(config).experiment
+    setup = Setup(config)
+    experiment, unit = setup.experiment, setup.unit
     number = config.only_run
     assert number is not None
     outcome, history = run_with_history(experiment, number)
-    unit = Setup(config).unit
     passes = range(experiment.estimator.passes)
     truth, estimate = outcome.truth[0] / unit, history.estimate[..., 0] / unit
     course = ("calibration_pass", "time", "parameter")
@@ -76,7 +76,7 @@ def history_dataset(config: Config) -> xr.Dataset:
         attrs={
             "run": number,
             "seed": config.campaign.seed,
-            "positions": Setup(config).schedule.positions,
+            "positions": setup.schedule.positions,
             "configuration": json.dumps(resolved(config)),
         },
     )

@@ -74,8 +74,9 @@ def simulate_campaign(config: Config) -> None:
         If the store is another campaign's, or the cluster cannot be had.
     """
     check(config.cluster)
-    experiment = Setup(config).experiment
-    predicted_std = experiment.estimator.predicted_std / Setup(config).unit
+    setup = Setup(config)
+    experiment = setup.experiment
+    predicted_std = experiment.estimator.predicted_std / setup.unit
     with writing(config.campaign.store):
         with interrupts.held():
             target = store.open_store(config, predicted_std)

@@ -33,7 +33,6 @@ NOT_RUN, DONE, FAILED = 0, 1, 2
 """Values of ``status``."""
 
 _CHUNKS = 12
-_PER_RUN = ("truth", "estimate", "error", "nees", "status")
 _SOFTWARE = ("inscal", "numpy", "scipy", "numba", "xarray", "zarr", "dask")
 
 

@@ -70,7 +70,8 @@ def compare(config: Config) -> Judgement:
     """Judge the campaign of this code against the baseline and print the verdict."""
     baseline, about = read_baseline(BASELINE)
     sample = campaign(config)
-    bound = Setup(config).bound * Setup(config).unit
+    setup = Setup(config)
+    bound = setup.bound * setup.unit
     judgement = regression.judge(baseline, sample, bound)
     print(f"{judgement.verdict}: {len(sample.error)} runs against the baseline: {about['reason']}")
     for line in differences(about["configuration"], configuration_of(config)):

@@ -174,9 +174,10 @@ def known(result: Row) -> Row:
 
 def study(config: Config) -> dict[str, Any]:
     """All that is measured, as JSON takes it."""
-    experiment = Setup(config).experiment
+    setup = Setup(config)
+    experiment = setup.experiment
     covariance = experiment.estimator.parameter_covariance
-    gate = Gate(covariance, Setup(config).bound * Setup(config).unit)
+    gate = Gate(covariance, setup.bound * setup.unit)
     blocks = simulated_blocks(experiment)
     rng = np.random.default_rng(config.campaign.seed)
     looks = [(scaled, look, len(blocks)) for look in POOLS]  # nothing random: each block once

@@ -14,7 +14,7 @@ from scipy import stats
 from inscal.experiment import run_with_history
 from inscal.parameters import KIND_OF, NAMES
 from pipeline.campaign import store
-from pipeline.campaign.judged import as_json, comparison_of, summary_of
+from pipeline.campaign.judged import as_json, comparison_of, summary
 from pipeline.charts import style
 from pipeline.config.load import RUN_GROUPS, config_of, load, resolved
 from pipeline.config.schema import Config
@@ -153,8 +153,8 @@ def read_campaign(config: Config, path: str | Path) -> Campaign:
     count, asked = done.sizes["run"], everything.sizes["run"]
     if count < FEWEST:
         raise DataError(f"campaign store {path}: {count} of {asked} runs done; a report needs two")
-    summary = json_data(as_json(summary_of(config, path)))
-    return Campaign(Path(path), Path(path).name, done, summary, asked)
+    judged = json_data(as_json(summary(config, path, everything)))
+    return Campaign(Path(path), Path(path).name, done, judged, asked)
 
 
 def comparison(a: Campaign, b: Campaign) -> findings.Summary:
@@ -240,7 +240,8 @@ def course_of(campaign: Campaign, config: Config) -> Course:
     -------
     Course
     """
-    experiment, unit = Setup(config).experiment, Setup(config).unit
+    setup = Setup(config)
+    experiment, unit = setup.experiment, setup.unit
     number = int(campaign.runs["run"][0])
     outcome, history = run_with_history(experiment, number)
     updates = experiment.motion.updates

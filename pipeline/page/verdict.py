@@ -45,11 +45,11 @@ def sigma_verdict(row: Mapping[str, float]) -> str:
 
 
 def headline(summary: Summary) -> str:
-    """Say in a sentence whether all bounds are met at once."""
+    """Say in a sentence whether all bounds are met at once, of all runs made."""
+    made = summary["runs_done"] + summary["runs_failed"]
     return (
         f"The bounds are {findings.bounds_word(summary)}: all {len(summary['parameters'])} hold at "
-        f"once in {findings.joint_text(summary)} of {summary['runs_done']} runs, where {_PERCENT} "
-        "is asked for."
+        f"once in {findings.joint_text(summary)} of {made} runs, where {_PERCENT} is asked for."
     )
 
 

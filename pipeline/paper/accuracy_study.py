@@ -94,8 +94,9 @@ def kind_probability(errors: np.ndarray, sigma: np.ndarray) -> dict[str, float]:
 
 def _errors(config: Config) -> np.ndarray:
     """Errors of a campaign's runs, shape (runs, 27), in paper units; NaN where a run failed."""
-    outcome = experiment.run(Setup(config).experiment, range(config.campaign.runs))
-    return (outcome.estimate - outcome.truth) / Setup(config).unit
+    setup = Setup(config)
+    outcome = experiment.run(setup.experiment, range(config.campaign.runs))
+    return (outcome.estimate - outcome.truth) / setup.unit
 
 
 def _margins(config: Config, bound: np.ndarray) -> dict[str, Margin]:

@@ -88,8 +88,8 @@ def study_of(config: Config) -> Study:
     """
     if config.estimator.passes != 1:
         raise ConfigError(f"estimator.passes = {config.estimator.passes}: must be 1 in this stage")
-    experiment = Setup(config).experiment
-    unit, bound = Setup(config).unit, Setup(config).bound
+    setup = Setup(config)
+    experiment, unit, bound = setup.experiment, setup.unit, setup.bound
     error = first_pass_errors(experiment, config.campaign.runs, _EVERY) / unit[:, None]
     good = np.isfinite(error).all(axis=(0, 1))
     sigma = experiment.estimator.first.parameter_std[_EVERY - 1 :: _EVERY] / unit

@@ -13,8 +13,6 @@ from scipy import special, stats
 from scipy.interpolate import RegularGridInterpolator
 
 from inscal.parameters import KIND_OF, KINDS
-from inscal.recursion import compute_gains
-from inscal.state_model import StateModel, build_transitions
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.progress import track
@@ -62,16 +60,8 @@ def scaled(config: Config, gyro: float, other: float, observation: float | None 
 
 def predicted_std(config: Config) -> np.ndarray:
     """Predicted sigma of the 27 parameters, in paper units."""
-    model, noise = StateModel(tuple(config.estimator.states)), Setup(config).noise
-    transitions = build_transitions(
-        Setup(config).schedule,
-        Setup(config).site,
-        model,
-        noise,
-        update_interval=config.estimator.update_interval_s,
-    )
-    gains = compute_gains(transitions, model, noise, Setup(config).prior)
-    return gains.parameter_std[-1] / Setup(config).unit
+    setup = Setup(config)
+    return setup.gains.parameter_std[-1] / setup.unit
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from inscal.experiment import Experiment
 from inscal.information import parameter_information
 from inscal.innovations import Sample, sample
 from inscal.parameters import NAMES
-from inscal.state_model import StateModel, build_transitions
 from pipeline.campaign import store
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
@@ -59,23 +58,15 @@ def done_of(path: str | Path) -> xr.Dataset:
 
 def bounds_of(config: Config, experiment: Experiment) -> Bounds:
     """Cramér-Rao bounds, and the filter's covariance against them."""
-    model, noise = StateModel(tuple(config.estimator.states)), Setup(config).noise
-    initial, unit = Setup(config).prior, Setup(config).unit
-    transitions = build_transitions(
-        Setup(config).schedule,
-        Setup(config).site,
-        model,
-        noise,
-        update_interval=config.estimator.update_interval_s,
-    )
-    information = parameter_information(transitions, model, noise, initial)
+    setup = Setup(config)
+    information = parameter_information(setup.transitions, setup.model, setup.noise, setup.prior)
     of_truth = information.bayesian_covariance(experiment.truth.parameters.scale)
-    of_filter = information.bayesian_covariance(initial.parameter)
+    of_filter = information.bayesian_covariance(setup.prior.parameter)
     sigma = experiment.estimator.predicted_std
     difference = np.abs(of_filter - experiment.estimator.parameter_covariance)
     return Bounds(
-        np.sqrt(np.diag(of_truth)) / unit,
-        information.classical_std() / unit,
+        np.sqrt(np.diag(of_truth)) / setup.unit,
+        information.classical_std() / setup.unit,
         float((difference / np.outer(sigma, sigma)).max()),
     )
 
@@ -102,7 +93,7 @@ def repeat_runs(done: xr.Dataset, config: Config, experiment: Experiment) -> Sam
     return result
 
 
-def _prior_differs(config: Config, experiment: Experiment) -> list[str]:
+def prior_differs(config: Config, experiment: Experiment) -> list[str]:
     """Parameters whose prior is not the distribution that their truth is drawn from."""
     prior = Setup(config).prior.parameter
     same = np.isclose(experiment.truth.parameters.scale, prior, rtol=1e-9, atol=0.0)

@@ -1,7 +1,7 @@
 """Summaries and comparisons read back from their JSON files, and the verdicts they lead to.
 
-A summary or comparison is a plain dict, as `pipeline.summarize.as_json` wrote it. Nothing here
-knows a result: every verdict is a threshold applied to the numbers handed in.
+A summary or comparison is a plain dict, as `pipeline.campaign.judged.as_json` wrote it. Nothing
+here knows a result: every verdict is a threshold applied to the numbers handed in.
 """
 
 import math

@@ -7,8 +7,7 @@ import pandas as pd
 
 from inscal import observability as obs
 from inscal.parameters import NAMES
-from inscal.recursion import InitialStd, compute_gains, observation_covariance
-from inscal.state_model import StateModel, build_transitions
+from inscal.recursion import observation_covariance
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 
@@ -64,16 +63,13 @@ def rank_counts(config: Config, convention: obs.Convention) -> tuple[obs.Ranks, 
     -------
     tuple of Ranks
     """
-    path, std = Setup(config).schedule, Setup(config).prior
-    dynamics = obs.system_matrices(path, Setup(config).site, convention)
-    noise = np.sqrt(np.diag(observation_covariance(Setup(config).noise)))
+    setup = Setup(config)
+    dynamics = obs.system_matrices(setup.schedule, setup.site, convention)
+    noise = np.sqrt(np.diag(observation_covariance(setup.noise)))
+    sigma = np.concatenate([setup.prior.navigation, setup.prior.parameter])
     return obs.ranks(dynamics), obs.unit_free_ranks(
-        dynamics, _state_sigma(std), noise, path.position_duration
+        dynamics, sigma, noise, setup.schedule.position_duration
     )
-
-
-def _state_sigma(std: InitialStd) -> np.ndarray:
-    return np.concatenate([std.navigation, std.parameter])
 
 
 def course_of(config: Config) -> Course:
@@ -87,18 +83,15 @@ def course_of(config: Config) -> Course:
     -------
     Course
     """
-    path, interval = Setup(config).schedule, config.estimator.update_interval_s
-    model, noise = StateModel(tuple(config.estimator.states)), Setup(config).noise
-    transitions = build_transitions(
-        path, Setup(config).site, model, noise, update_interval=interval
-    )
-    std = Setup(config).prior
-    gains = compute_gains(transitions, model, noise, std)
+    setup = Setup(config)
+    gains, prior = setup.gains, setup.prior.parameter
     covariance = gains.covariance[: len(NAMES), : len(NAMES)]
     return Course(
-        share=obs.sigma_share(gains.parameter_std, std.parameter, path, interval),
-        final_std=gains.parameter_std[-1] / Setup(config).unit,
-        directions=obs.weakest_directions(covariance, std.parameter, _DIRECTIONS),
+        share=obs.sigma_share(
+            gains.parameter_std, prior, setup.schedule, config.estimator.update_interval_s
+        ),
+        final_std=gains.parameter_std[-1] / setup.unit,
+        directions=obs.weakest_directions(covariance, prior, _DIRECTIONS),
         tied=obs.tied_pairs(covariance, TIED),
     )
 

@@ -175,6 +175,12 @@ def test_headline_follows_the_joint_share(stores):
         assert words in page_verdict.headline(summary | {"joint_share": share})
 
 
+def test_headline_counts_the_runs_that_failed(stores):
+    summary = json_data(as_json(summary_of(load([]), stores / "quiet")))
+    text = page_verdict.headline(summary | {"runs_done": 466, "runs_failed": 34})
+    assert " of 500 runs, where 99 % is asked for." in text
+
+
 def test_same_campaigns_give_the_same_bytes(stores, text):
     paths = [str(stores / "quiet"), str(stores / "noisy")]
     assert page.html(page.campaigns(load([]), paths)) == text
