@@ -82,3 +82,19 @@ def test_structure_is_printed(capsys):
     assert "circles: none" in out
     assert "doors imported: none" in out
     assert all(name in out for name in ROOMS)
+
+
+def test_commands_of_the_study_are_as_its_lock_keeps_them():
+    """Where a column is empty two spaces meet, the lock keeps one, and a stage never rests."""
+    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+    for stage, study, campaigns in (
+        ("simulate", "study", "campaigns"),
+        ("paper-simulate", "paper_study", "paper_campaigns"),
+    ):
+        rows = yaml.safe_load((ROOT / "conf" / f"{study}.yaml").read_text())[campaigns]
+        for key, row in rows.items():
+            values = {f"item.{name}": str(value) for name, value in row.items()} | {"key": key}
+            command = re.sub(
+                r"\$\{([\w.]+)\}", lambda m, v=values: v[m[1]], stages[stage]["do"]["cmd"]
+            )
+            assert command == " ".join(command.split()), key
