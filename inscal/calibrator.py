@@ -18,9 +18,9 @@ from inscal.kernel import CACHE_LINE, LANES, compiled, inlined, prefetch
 from inscal.motion import Motion, Site
 from inscal.navigation import advance, rotate_left
 from inscal.parameters import COUNT
-from inscal.record import Record
+from inscal.record import OBSERVED, Record
 from inscal.sensor import compensate
-from inscal.state_model import NAVIGATION, OBSERVED
+from inscal.state_model import NAVIGATION
 
 _NAV = CONSTANTS
 _ROWS = _NAV + navigation.ROWS

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import stats
+from scipy import special
 
 from inscal.statistics import central_tails, checked_errors
 
@@ -132,8 +132,13 @@ def p_value_ratio_above_one(error_a: ArrayLike, error_b: ArrayLike) -> np.ndarra
     square_a, square_b = (np.square(e) for e in _checked_pair(error_a, error_b))
     p = np.ones(square_a.shape[1])
     differs = (square_a != square_b).any(axis=0)
-    test = stats.ttest_rel(square_a[:, differs], square_b[:, differs], alternative="greater")
-    p[differs] = test.pvalue
+    # `scipy.stats.ttest_rel` does the same, and takes half a second to import
+    difference, n = square_a[:, differs] - square_b[:, differs], len(square_a)
+    mean = difference.mean(axis=0)
+    variance = np.square(difference - mean).mean(axis=0) * (n / (n - 1))
+    with np.errstate(divide="ignore"):  # differences all alike leave no doubt
+        t = mean / np.sqrt(variance / n)
+    p[differs] = special.stdtr(n - 1, -t)
     return p
 
 

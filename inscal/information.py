@@ -25,10 +25,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from inscal.parameters import COUNT
+from inscal.record import OBSERVED
 from inscal.recursion import InitialStd
 from inscal.state_model import (
     NAVIGATION,
-    OBSERVED,
     OBSERVED_STATES,
     NoiseModel,
     StateModel,

@@ -19,7 +19,7 @@ import numpy as np
 from inscal.calibrator import empty_history
 from inscal.experiment import Experiment, tiles
 from inscal.parameters import COUNT
-from inscal.state_model import OBSERVED
+from inscal.record import OBSERVED
 from inscal.statistics import Bounded, autocorrelation, white_band, wilson_interval
 
 

@@ -30,10 +30,10 @@ from scipy.spatial.transform import Rotation
 from inscal import earth
 from inscal.motion import Site
 from inscal.parameters import COUNT, INDEX
+from inscal.record import OBSERVED
 from inscal.schedule import Schedule, attitudes, turn_vector
 from inscal.state_model import (
     NAVIGATION,
-    OBSERVED,
     OBSERVED_STATES,
     navigation_dynamics,
     parameter_dynamics,

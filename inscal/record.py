@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+OBSERVED = 6
+"""Observed quantities: velocity and position, three components each."""
+
 
 @dataclass(frozen=True)
 class Record:
@@ -13,7 +16,7 @@ class Record:
     ----------
     sensors : ndarray, shape (steps, 6, LANES)
         Reported angle (rad) and velocity increments (m/s), body axes.
-    observations : ndarray, shape (updates, 6, LANES)
+    observations : ndarray, shape (updates, OBSERVED, LANES)
         Observed velocity North, East, Down (m/s) and position offset from the site, metres north,
         east and of height.
     attitude : ndarray, shape (3, 3, LANES)

@@ -14,9 +14,9 @@ import numpy as np
 
 from inscal import parameters
 from inscal.kernel import compiled, inlined
+from inscal.record import OBSERVED
 from inscal.state_model import (
     NAVIGATION,
-    OBSERVED,
     OBSERVED_STATES,
     NoiseModel,
     StateModel,

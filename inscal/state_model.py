@@ -8,6 +8,7 @@ estimated, the dynamics are (paper eqs. 4-6)
     d(dV)/dt  = f_n x phi - (2 w_ie + w_en) x dV - C (dKa f + nabla + D2 f^2 + f_L) + dg
     d(dp)/dt  = dV
 
+with the terms of the sensors, f_L among them, as in `inscal.sensor`.
 Position error is kept in metres north, metres east and metres of height. The gravity error dg,
 which the paper neglects, is kept to first order in height: it costs nothing, and the linear model
 is then the derivative of the navigation equations.
@@ -25,16 +26,15 @@ from scipy.linalg import expm
 
 from inscal import earth, parameters
 from inscal.motion import Site, attitude_at, cut, update_count, update_of
+from inscal.record import OBSERVED
 from inscal.rotation import skew
 from inscal.schedule import Schedule, segments
 
 NAVIGATION = 9
 """Navigation states, three each: attitude (N, E, D), velocity (N, E, D), position (N, E, h)."""
 
-OBSERVED_STATES = slice(3, 9)
+OBSERVED_STATES = slice(3, 3 + OBSERVED)
 """The observed navigation states: velocity and position errors."""
-OBSERVED = 6
-"""Their number."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 

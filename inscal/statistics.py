@@ -251,7 +251,7 @@ def wilson_interval(successes: ArrayLike, trials: ArrayLike, confidence: float =
     hits, n = np.asarray(successes, dtype=float), np.asarray(trials, dtype=float)
     if not ((n > 0) & (hits >= 0) & (hits <= n)).all():
         raise ValueError("successes must lie between 0 and trials, and trials be positive")
-    z = special.ndtri(central_tails(confidence)[1])
+    z = normal_quantile(confidence)
     share = hits / n
     centre = (hits + z**2 / 2) / (n + z**2)
     half = z / (n + z**2) * np.sqrt(n * share * (1.0 - share) + z**2 / 4)
@@ -284,6 +284,14 @@ def share_within(error: ArrayLike, half_width: ArrayLike, confidence: float = 0.
 def nominal_coverage(sigmas: float) -> float:
     """Coverage of k sigma by normal errors: 0.6827, 0.9545 and 0.9973 for 1, 2 and 3 sigma."""
     return float(1.0 - 2.0 * special.ndtr(-sigmas))
+
+
+def normal_quantile(share: float) -> float:
+    """Sigmas on either side that hold a share of normal errors: the inverse of `nominal_coverage`.
+
+    1.96 for 0.95, 2.58 for 0.99.
+    """
+    return float(special.ndtri(central_tails(share)[1]))
 
 
 def nees(error: ArrayLike, covariance: ArrayLike) -> np.ndarray:
@@ -378,7 +386,7 @@ def white_band(updates: int, confidence: float = 0.95) -> float:
 
     By normal approximation 1.96 / sqrt(updates) at 95 %, for lags far below `updates`.
     """
-    return float(special.ndtri(central_tails(confidence)[1]) / np.sqrt(updates))
+    return float(normal_quantile(confidence) / np.sqrt(updates))
 
 
 def _spread(values: np.ndarray) -> np.ndarray:
@@ -391,5 +399,5 @@ def _spread(values: np.ndarray) -> np.ndarray:
 def _log_rmse_half_width(values: np.ndarray, confidence: float) -> np.ndarray:
     square = np.square(values)
     mse_mcse = _spread(square) / np.sqrt(len(square))
-    z = special.ndtri(central_tails(confidence)[1])
+    z = normal_quantile(confidence)
     return z * mse_mcse / (2.0 * square.mean(axis=0))

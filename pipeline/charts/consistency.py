@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from inscal import statistics
 from inscal.innovations import Sample
 from inscal.parameters import NAMES
-from inscal.recursion import OBSERVED
+from inscal.record import OBSERVED
 from pipeline.charts import style
 from pipeline.proof.statistics import CONFIDENCE, COVERING, LAGS, OBSERVATIONS, OUTSIDE_BAND
 from pipeline.words import markdown as md

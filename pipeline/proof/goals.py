@@ -6,7 +6,7 @@ A study is a plain dict, as read from ``results/consistency/consistency.json``.
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from inscal.recursion import OBSERVED
+from inscal.record import OBSERVED
 from inscal.statistics import nominal_coverage
 from pipeline.proof.statistics import CONFIDENCE, OUTSIDE_BAND
 from pipeline.study.verdict import Verdict, judged

@@ -7,7 +7,7 @@ interval, applied to the numbers handed in.
 import math
 from collections.abc import Mapping
 
-from inscal.recursion import OBSERVED
+from inscal.record import OBSERVED
 from inscal.statistics import nominal_coverage
 from pipeline.proof.goals import (
     PERCENT,

@@ -14,7 +14,7 @@ from inscal import statistics
 from inscal.experiment import Experiment
 from inscal.innovations import Sample, share_beyond_band
 from inscal.parameters import COUNT
-from inscal.recursion import OBSERVED
+from inscal.record import OBSERVED
 from inscal.statistics import Bounded, Estimate
 from pipeline.console.errors import DataError
 

@@ -1,34 +1,14 @@
-"""Every statistic against something independent of it.
-
-Where a stated confidence is checked by repeated simulation, the tolerance is four standard errors
-of the simulated share: a right statistic passes 15999 times out of 16000, whatever the seed.
-"""
+"""Every statistic against something independent of it."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
+from repeated_samples import ERRORS, held, tolerance
 from scipy import stats
 from scipy.stats import binomtest
 
-from inscal import comparison_statistics as comparison
 from inscal import statistics
-
-ERRORS = arrays(
-    float,
-    st.tuples(st.integers(2, 12), st.integers(1, 4)),
-    elements=st.floats(0.01, 100.0).map(lambda x: x if x < 50.0 else 50.0 - x - 0.01),
-)
-
-
-def tolerance(share, trials):
-    return 4.0 * np.sqrt(share * (1.0 - share) / trials)
-
-
-def held(lower, truth, upper):
-    return ((lower <= truth) & (truth <= upper)).mean()
-
 
 # Error statistics
 
@@ -182,6 +162,8 @@ def test_coverage_of_k_sigma_is_nominal_and_its_interval_holds():
     error = np.random.default_rng(5).normal(0.0, 3.0, (300, trials))
     for sigmas, nominal in ((1, 0.682689), (2, 0.954500), (3, 0.997300)):
         assert statistics.nominal_coverage(sigmas) == pytest.approx(nominal, abs=1e-6)
+        share = statistics.nominal_coverage(sigmas)
+        assert statistics.normal_quantile(share) == pytest.approx(sigmas, rel=1e-9)
         share, lower, upper = statistics.share_within(error, np.full(trials, 3.0 * sigmas))
         assert share.mean() == pytest.approx(nominal, abs=tolerance(nominal, error.size))
         counts = np.arange(301)
@@ -273,128 +255,3 @@ def test_autocorrelation_finds_the_coloured_sequence():
     # A moving average of order one has autocorrelation 0.5 / 1.25 at lag 1 and none beyond.
     rho = statistics.autocorrelation(moving, [1, 2])
     assert rho.mean(axis=1) == pytest.approx([0.4, 0.0], abs=0.005)
-
-
-# Paired comparison
-
-
-def paired(rng, runs, ratio, parameters=27):
-    """Errors of which a is `ratio` times as large as b, correlated 0.8 run by run."""
-    b, own = rng.standard_normal((2, runs, parameters))
-    return ratio * (0.8 * b + 0.6 * own), b
-
-
-def compare(a, b, seed=0, resamples=400):
-    rng = np.random.default_rng(seed)
-    return comparison.rmse_ratio(a, b, resamples=resamples, rng=rng)
-
-
-def test_ratio_intervals_hold_at_their_level():
-    rng, trials, ratio = np.random.default_rng(9), 300, np.linspace(0.5, 2.0, 27)
-    pointwise, simultaneous = [], []
-    for trial in range(trials):
-        result = compare(*paired(rng, 200, ratio), seed=trial)
-        pointwise.append(held(result.lower, ratio, result.upper))
-        low, high = result.simultaneous_lower, result.simultaneous_upper
-        simultaneous.append(held(low, ratio, high) == 1.0)
-    # A percentile interval holds about 1 % less than it says at 200 runs.
-    assert np.mean(pointwise) == pytest.approx(0.945, abs=tolerance(0.95, 27 * trials) + 0.005)
-    assert np.mean(simultaneous) == pytest.approx(0.955, abs=tolerance(0.95, trials))
-
-
-def test_simultaneous_interval_is_that_of_bonferroni_for_independent_parameters():
-    a, b = paired(np.random.default_rng(10), 2000, 1.0)
-    result = compare(a, b, resamples=4000)
-    # Delta method for equal normal variances: var log ratio = (1 - correlation^2) / runs.
-    se = 0.6 / np.sqrt(2000)
-    half = np.log(result.simultaneous_upper / result.ratio)
-    assert half.mean() == pytest.approx(stats.norm.ppf(0.5 + 0.95 ** (1 / 27) / 2) * se, rel=0.05)
-    half = np.log(result.upper / result.lower) / 2
-    assert half.mean() == pytest.approx(1.96 * se, rel=0.05)
-
-
-@settings(deadline=None)
-@given(ERRORS, st.floats(0.01, 100.0))
-def test_units_cancel_in_the_ratio(error, unit):
-    other = error[::-1] + 1.0
-    mine, theirs = compare(error, other, resamples=50), compare(unit * error, unit * other, 0, 50)
-    for name in ("ratio", "lower", "upper"):
-        np.testing.assert_allclose(getattr(theirs, name), getattr(mine, name), rtol=1e-9)
-
-
-def test_what_is_the_same_in_both_has_a_ratio_without_width():
-    a, b = paired(np.random.default_rng(11), 50, 1.0, parameters=3)
-    free = compare(a[:, 1:], b[:, 1:])
-    a[:, 0] = -b[:, 0]
-    result = compare(a, b)
-    assert (result.lower[0], result.upper[0]) == pytest.approx((1.0, 1.0))
-    assert (result.simultaneous_lower[0], result.simultaneous_upper[0]) == pytest.approx((1, 1))
-    np.testing.assert_allclose(result.simultaneous_upper[1:], free.simultaneous_upper)
-
-
-def test_intervals_are_those_of_a_loop_over_resampled_runs():
-    a, b = paired(np.random.default_rng(15), 12, 1.3, parameters=3)
-    rng, runs = np.random.default_rng(0), np.arange(12)
-
-    def log_ratio_and_se(rows):
-        square_a, square_b = np.square(a[rows]), np.square(b[rows])
-        mean_a, mean_b = square_a.mean(axis=0), square_b.mean(axis=0)
-        influence = (square_a / mean_a - square_b / mean_b) / 2
-        return np.log(mean_a / mean_b) / 2, influence.std(axis=0) / np.sqrt(12)
-
-    value, se = log_ratio_and_se(runs)
-    drawn = [np.repeat(runs, rng.multinomial(12, np.full(12, 1 / 12))) for _ in range(400)]
-    log_ratio, each_se = (np.array(x) for x in zip(*map(log_ratio_and_se, drawn), strict=True))
-    largest = np.max(np.abs(log_ratio - value) / each_se, axis=1)
-    critical = np.quantile(largest, 0.95, method="higher")
-    result = compare(a, b)
-    np.testing.assert_allclose(result.ratio, np.exp(value))
-    np.testing.assert_allclose(result.lower, np.exp(np.quantile(log_ratio, 0.025, axis=0)))
-    np.testing.assert_allclose(result.upper, np.exp(np.quantile(log_ratio, 0.975, axis=0)))
-    np.testing.assert_allclose(result.simultaneous_lower, np.exp(value - critical * se))
-    np.testing.assert_allclose(result.simultaneous_upper, np.exp(value + critical * se))
-
-
-def test_blocks_of_resamples_change_nothing(monkeypatch):
-    a, b = paired(np.random.default_rng(12), 40, 1.3)
-    whole = compare(a, b)
-    monkeypatch.setattr(comparison, "_BLOCK_WEIGHTS", 40 * 7)
-    np.testing.assert_allclose(compare(a, b).simultaneous_lower, whole.simultaneous_lower)
-
-
-def test_p_value_is_uniform_under_the_null_and_finds_the_alternative():
-    rng = np.random.default_rng(13)
-    p = comparison.p_value_ratio_above_one(*paired(rng, 300, 1.0, parameters=5000))
-    for level in (0.01, 0.05, 0.5):
-        assert (p < level).mean() == pytest.approx(level, abs=tolerance(level, p.size) + 0.002)
-    # A ratio of 1.1 is 2.8 standard errors of 0.6 / sqrt(300) away in its logarithm.
-    p = comparison.p_value_ratio_above_one(*paired(rng, 300, 1.1, parameters=2000))
-    power = stats.norm.sf(1.645 - np.log(1.1) * np.sqrt(300) / 0.6)
-    assert (p < 0.05).mean() == pytest.approx(power, abs=0.05)
-    better = comparison.p_value_ratio_above_one(*paired(rng, 300, 0.9, parameters=2000))
-    assert (better < 0.05).mean() < 0.001
-
-
-def test_p_value_of_identical_errors_is_one():
-    a, b = paired(np.random.default_rng(14), 30, 2.0, parameters=2)
-    a[:, 0] = b[:, 0]
-    p = comparison.p_value_ratio_above_one(a, b)
-    assert p[0] == 1.0
-    assert p[1] < 0.01
-
-
-def test_holm_adjusts_as_in_a_worked_example():
-    # 4 x 0.005, 3 x 0.01, 2 x 0.03, and 0.04 raised to the one before it.
-    assert comparison.holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
-    assert comparison.holm([0.9, 0.8]) == pytest.approx([1.0, 1.0])
-    with pytest.raises(ValueError, match="p-values"):
-        comparison.holm([0.1, np.nan])
-
-
-def test_pairs_that_cannot_be_compared_are_refused():
-    with pytest.raises(ValueError, match="shapes"):
-        compare(np.ones((3, 2)), np.ones((4, 2)))
-    with pytest.raises(ValueError, match="two runs"):
-        compare(np.ones((1, 2)), np.ones((1, 2)))
-    with pytest.raises(ValueError, match="resamples"):
-        compare(np.ones((3, 2)), np.ones((3, 2)), resamples=1)
