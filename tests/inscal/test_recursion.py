@@ -4,7 +4,7 @@ from conftest import paper_schedule, paper_truth
 
 from inscal import parameters
 from inscal.motion import Site
-from inscal.recursion import ATTITUDE, InitialStd, compute_gains, initial_covariance
+from inscal.recursion import ATTITUDE, InitialStd, compute_gains
 from inscal.state_model import NAVIGATION, NoiseModel, StateModel, build_transitions
 
 SITE = Site(np.deg2rad(39.98), 50.0)
@@ -26,6 +26,14 @@ def build(positions, duration, model):
     return transitions, compute_gains(transitions, model, NOISE, STD)
 
 
+def initial_covariance(model):
+    """Of navigation states, modelled parameters and the appended attitude error at the start."""
+    sigma = np.concatenate([STD.navigation, STD.parameter[model.columns], STD.attitude])
+    covariance = np.diag(sigma**2)
+    covariance[:3, -3:] = covariance[-3:, :3] = np.diag(STD.attitude**2)
+    return covariance
+
+
 def scaled_difference(a, b):
     sigma = np.sqrt(np.diag(b))
     return (
@@ -38,7 +46,7 @@ def test_against_the_textbook_filter_in_joseph_form(states):
     model = MODELS[states]
     transitions, gains = build(5, 300.0, model)
     n = model.states + ATTITUDE
-    p = initial_covariance(model, STD)
+    p = initial_covariance(model)
     f, h, q = np.eye(n), np.zeros((6, n)), np.zeros((n, n))
     f[:NAVIGATION, :NAVIGATION] = transitions.navigation
     h[:, :NAVIGATION] = H
@@ -68,7 +76,7 @@ def test_against_the_joint_posterior_of_all_states():
     transitions, gains = build(3, 20.0, model)
     updates, n = len(transitions.index), model.states
     # unknowns: initial state, then the noise of every interval, each with unit variance
-    prior = np.sqrt(np.diag(initial_covariance(model, STD))[:n])
+    prior = np.sqrt(np.diag(initial_covariance(model))[:n])
     root = np.linalg.cholesky(transitions.noise + 1e-30 * np.eye(9))
     size = n + 9 * updates
     state = np.zeros((n, size))
