@@ -122,10 +122,11 @@ def calibrate(
             step = result - begin
         lanes.take(result)
         if estimator.judged:
-            with np.errstate(invalid="ignore", over="ignore"):  # of lanes that ran away
+            lanes.start_anew(assumed)
+            if number + 1 >= estimator.passes:
                 converged = convergence.have_converged(estimator, number + 1, step, result)
                 beyond = convergence.are_beyond_chance(estimator, nis, tight_step, step)
-            lanes.judge(result, converged, beyond, assumed)
+                lanes.stop(converged, beyond)
             if not lanes.going.any():
                 break
     return lanes.finish(estimator.judged)
@@ -153,25 +154,29 @@ class _Lanes:
     def take(self, result: np.ndarray) -> None:
         """Go on from the constants that a pass has found, shape (30, LANES)."""
         self._passes += self.going
+        # a lane that ran away shows it in every parameter, but needs some attitude to go on with
+        finite = _finite(result)
+        result = np.where(finite, result, np.nan)
         self.parameter = np.where(self.going, result[:COUNT], self.parameter)
-        # a diverged lane keeps its NaN among the parameters, but needs some attitude to go on with
-        turned = np.where(self.going & _finite(result), result[COUNT:], 0.0)
+        turned = np.where(self.going & finite, result[COUNT:], 0.0)
         self.attitude = Rotation.from_rotvec(turned.T) * self.attitude
 
-    def judge(
-        self, result: np.ndarray, converged: np.ndarray, beyond: np.ndarray, assumed: Rotation
-    ) -> None:
-        """Stop lanes that have converged, and start those anew, once, whose pass ran away."""
+    def start_anew(self, assumed: Rotation) -> None:
+        """Put lanes whose pass ran away back to the prior's mean, once; stop them the next time."""
+        lost = self.going & ~_finite(self.parameter)
+        if lost.any():
+            anew = lost & self._fresh
+            self.parameter[:, anew] = 0.0
+            self.attitude = Rotation.from_quat(
+                np.where(anew[:, None], assumed.as_quat(), self.attitude.as_quat())
+            )
+            self.going &= ~lost | anew
+            self._fresh &= ~lost
+
+    def stop(self, converged: np.ndarray, beyond: np.ndarray) -> None:
+        """Keep lanes that have converged as they are; those beyond chance have failed."""
         self._reason[self.going & converged & beyond] = convergence.BEYOND_CHANCE
         self.going &= ~converged
-        lost = self.going & ~_finite(result)
-        anew = lost & self._fresh
-        self.parameter[:, anew] = 0.0
-        self.attitude = Rotation.from_quat(
-            np.where(anew[:, None], assumed.as_quat(), self.attitude.as_quat())
-        )
-        self.going &= ~lost | anew
-        self._fresh &= ~lost
 
     def finish(self, judged: bool) -> Calibration:
         """Outcome of the lanes after the last pass."""

@@ -76,7 +76,7 @@ def have_converged(
     ----------
     estimator : Estimator
     passes : int
-        Made so far.
+        Made so far, at least those that every run gets.
     step, result : ndarray, shape (30, lanes)
         What the last of them changed, and its result, SI.
 
@@ -84,12 +84,11 @@ def have_converged(
     -------
     ndarray of bool, shape (lanes,)
     """
-    small = _in_sigmas(estimator, step) < estimator.convergence_sigma
-    if passes > estimator.passes:
-        return small
-    if passes < estimator.passes:
-        return np.zeros(step.shape[1], dtype=bool)
-    return small | (expected_change(estimator, step, result) < _ENOUGH)
+    with np.errstate(invalid="ignore", over="ignore"):  # of lanes that ran away
+        converged = _in_sigmas(estimator, step) < estimator.convergence_sigma
+        if passes <= estimator.passes:
+            converged |= expected_change(estimator, step, result) < _ENOUGH
+    return converged
 
 
 def are_beyond_chance(
@@ -110,7 +109,8 @@ def are_beyond_chance(
     ndarray of bool, shape (lanes,)
     """
     weight = np.divide(1.0, estimator.tight**2, where=estimator.tight > 0, out=np.zeros(CONSTANTS))
-    own = nis - (weight[:, None] * tight_step * step).sum(axis=0)
+    with np.errstate(invalid="ignore", over="ignore"):
+        own = nis - (weight[:, None] * tight_step * step).sum(axis=0)
     count = OBSERVED * len(estimator.first.gain)
     low = special.chdtri(max(count - CONSTANTS, 1), 1.0 - 0.5 * _FALSE_ALARM)
     high = special.chdtri(count, 0.5 * _FALSE_ALARM)
