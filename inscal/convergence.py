@@ -62,9 +62,7 @@ def expected_change(estimator: Estimator, step: np.ndarray, result: np.ndarray) 
     left[INDEX["gyro_k"]] = gyro[:, rows, columns].T
     left[INDEX["accel_k"]] = accel.mT.reshape(-1, 9).T
     size = np.abs(error).max(axis=(0, 2, 3))
-    return np.asarray(
-        np.maximum(size * _in_sigmas(estimator, step), _in_sigmas(estimator, left))
-    )
+    return np.asarray(np.maximum(size * _in_sigmas(estimator, step), _in_sigmas(estimator, left)))
 
 
 def have_converged(

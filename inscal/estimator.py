@@ -33,7 +33,6 @@ pass or two.
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-
 from scipy.linalg import solve_triangular
 
 from inscal.motion import Site

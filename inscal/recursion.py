@@ -186,7 +186,7 @@ def _recur(columns, phi_nav, phi_par, index, q, r, rows, gain, variance, roots):
     order; `phi_nav`, `phi_par` and `q` are transposed likewise, and `r` is a standard deviation.
     """
     first = len(columns) - NAVIGATION
-    kept = np.empty((OBSERVED, columns.shape[1]))  # a column of gain times root of S for each observation
+    kept = np.empty((OBSERVED, columns.shape[1]))  # gains times the root of S, transposed
     stacked = np.empty((2 * NAVIGATION, NAVIGATION))
     for k in range(len(index)):
         _predict(columns, first, phi_nav, phi_par[index[k]], q, stacked)
