@@ -28,6 +28,7 @@ _NAV = CONSTANTS
 _ROWS = _NAV + navigation.ROWS
 _STEP_BYTES = 8 * 6 * LANES
 _GAIN_BYTES = 8 * OBSERVED * (NAVIGATION + CONSTANTS)
+_WHITENING_BYTES = 8 * OBSERVED * OBSERVED
 _AHEAD = 2  # steps from the asking for data to its use: farther ahead was a little slower
 
 
@@ -264,6 +265,7 @@ def _run_pass(
             _navigate(state, sensors, s, duration[s], site)
         _innovate(state, observations, k, metres, innovation)
         if judge:
+            _fetch(whitening, k + _AHEAD, _WHITENING_BYTES)
             for j in range(LANES):
                 squares[j] += _squared(whitening, k, innovation, j)
         _correct(state, gain, k, innovation, correction, metres)

@@ -106,9 +106,9 @@ def are_beyond_chance(
     -------
     ndarray of bool, shape (lanes,)
     """
-    weight = np.divide(1.0, estimator.tight**2, where=estimator.tight > 0, out=np.zeros(CONSTANTS))
+    weight = estimator.per_tight[:, None] ** 2
     with np.errstate(invalid="ignore", over="ignore"):
-        own = nis - (weight[:, None] * tight_step * step).sum(axis=0)
+        own = nis - (weight * tight_step * step).sum(axis=0)
     count = OBSERVED * len(estimator.first.gain)
     low = special.chdtri(max(count - CONSTANTS, 1), 1.0 - 0.5 * _FALSE_ALARM)
     high = special.chdtri(count, 0.5 * _FALSE_ALARM)
@@ -117,6 +117,5 @@ def are_beyond_chance(
 
 def _in_sigmas(estimator: Estimator, change: np.ndarray) -> np.ndarray:
     """Largest of some changes of constants in units of the final sigmas, shape (lanes,)."""
-    sigma = np.sqrt(np.diag(estimator.first.covariance))[: len(change)]
-    known = sigma > 0  # the others are not modelled, and never change
-    return np.asarray((np.abs(change[known]) / sigma[known, None]).max(axis=0))
+    per_sigma = estimator.per_sigma[: len(change), None]
+    return np.asarray(np.abs(change * per_sigma).max(axis=0))

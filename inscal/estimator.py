@@ -101,8 +101,9 @@ class Estimator:
         Passes of every run, and of a run that does not converge.
     convergence_sigma : float
         Change of the constants, in their sigmas, that ends a run's passes.
-    tight : ndarray, shape (30,)
-        Standard deviations that a further pass starts from, SI: the root of T_0's diagonal.
+    per_sigma, per_tight : ndarray, shape (30,)
+        One over the final sigma of each constant, and over that which a further pass starts from,
+        the root of T_0's diagonal; zero where not modelled.
     translate : ndarray, shape (30, 30)
         The P T^-1 of the module docstring.
     pull : ndarray, shape (30, 30)
@@ -114,7 +115,8 @@ class Estimator:
     passes: int
     max_passes: int
     convergence_sigma: float
-    tight: np.ndarray
+    per_sigma: np.ndarray
+    per_tight: np.ndarray
     translate: np.ndarray
     pull: np.ndarray
 
@@ -192,10 +194,16 @@ def build_estimator(schedule: Schedule, site: Site, belief: Belief) -> Estimator
         passes=belief.passes,
         max_passes=max_passes,
         convergence_sigma=belief.convergence_sigma,
-        tight=tight,
+        per_sigma=_reciprocal(final),
+        per_tight=_reciprocal(tight),
         translate=translate,
         pull=pull,
     )
+
+
+def _reciprocal(std: np.ndarray) -> np.ndarray:
+    """One over standard deviations; zero where those are, of parameters not modelled."""
+    return np.divide(1.0, std, where=std > 0.0, out=np.zeros_like(std))
 
 
 def _ratio(wide: np.ndarray, narrow: np.ndarray) -> np.ndarray:

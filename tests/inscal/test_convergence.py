@@ -207,7 +207,7 @@ def test_innovations_are_chi_square_once_the_step_is_taken_off(monkeypatch):
     original = convergence.are_beyond_chance
 
     def spy(estimator, nis, tight_step, step):
-        weight = 1.0 / estimator.tight[:, None] ** 2
+        weight = estimator.per_tight[:, None] ** 2
         seen.append(nis - (weight * tight_step * step).sum(axis=0))
         return original(estimator, nis, tight_step, step)
 
