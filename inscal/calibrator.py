@@ -4,7 +4,8 @@ A run is navigated with compensated increments; at every update the six differen
 navigated and observed velocity and position, times the gains of `inscal.recursion`, correct all
 states at once. Nothing of the covariance is computed per run.
 
-How several passes over one record connect is the subject of `inscal.estimator`.
+How several passes over one record connect is the subject of `inscal.estimator`, how many a run
+needs that of `inscal.convergence`.
 """
 
 from dataclasses import dataclass
@@ -12,13 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from inscal import navigation
+from inscal import convergence, navigation
 from inscal.estimator import CONSTANTS, Estimator
 from inscal.kernel import CACHE_LINE, LANES, compiled, inlined, prefetch
 from inscal.motion import Motion, Site
 from inscal.navigation import advance, rotate_left
 from inscal.parameters import COUNT
 from inscal.record import OBSERVED, Record
+from inscal.recursion import ATTITUDE
 from inscal.sensor import compensate
 from inscal.state_model import NAVIGATION
 
@@ -26,6 +28,7 @@ _NAV = CONSTANTS
 _ROWS = _NAV + navigation.ROWS
 _STEP_BYTES = 8 * 6 * LANES
 _GAIN_BYTES = 8 * OBSERVED * (NAVIGATION + CONSTANTS)
+_WHITENING_BYTES = 8 * OBSERVED * OBSERVED
 _AHEAD = 2  # steps from the asking for data to its use: farther ahead was a little slower
 
 
@@ -53,6 +56,30 @@ def empty_history(passes: int, updates: int) -> History:
     )
 
 
+@dataclass(frozen=True)
+class Calibration:
+    """What comes of `LANES` records.
+
+    Attributes
+    ----------
+    estimate : ndarray, shape (27, LANES)
+        Parameters, SI.
+    passes : ndarray of int, shape (LANES,)
+        Passes made, that after which a run started anew included.
+    reason : ndarray of int, shape (LANES,)
+        Why a run failed, a number of `inscal.convergence.REASONS`; 0 where it did not. Estimates
+        may be not finite where it did.
+    """
+
+    estimate: np.ndarray
+    passes: np.ndarray
+    reason: np.ndarray
+
+    def head(self, count: int) -> "Calibration":
+        """First lanes alone."""
+        return Calibration(self.estimate[:, :count], self.passes[:count], self.reason[:count])
+
+
 def calibrate(
     record: Record,
     motion: Motion,
@@ -60,7 +87,7 @@ def calibrate(
     estimator: Estimator,
     *,
     history: History | None = None,
-) -> np.ndarray:
+) -> Calibration:
     """Estimate the sensor parameters of `LANES` runs.
 
     Parameters
@@ -71,50 +98,127 @@ def calibrate(
     site : Site
     estimator : Estimator
     history : History, optional
-        Filled with the course of the passes.
+        Filled with the course of the first passes, as many as it has room for. In a lane that made
+        fewer, the rest means nothing.
 
     Returns
     -------
-    ndarray, shape (27, LANES)
-        Parameters, SI; not finite where a run diverged.
+    Calibration
     """
-    constants, metres = np.zeros((CONSTANTS, LANES)), site.metres
-    assumed = start = Rotation.from_matrix(np.moveaxis(record.attitude, -1, 0))
-    nothing = np.empty((0, COUNT, LANES)), np.empty((0, OBSERVED, LANES))
-    for number in range(estimator.passes):
+    assumed = Rotation.from_matrix(np.moveaxis(record.attitude, -1, 0))
+    lanes = _Lanes(np.zeros((COUNT, LANES)), assumed)
+    for number in range(estimator.max_passes):
+        begin = np.concatenate([lanes.parameter, np.zeros((ATTITUDE, LANES))])
         # the prior is centred on zero parameters and on the attitude assumed in the record
-        from_prior = constants
-        from_prior[COUNT:] = (start * assumed.inv()).as_rotvec().T
-        state = np.empty((_ROWS, LANES))
-        state[:COUNT] = constants[:COUNT]
-        state[COUNT:CONSTANTS] = 0.0
-        state[_NAV : _NAV + 9] = start.as_matrix().reshape(LANES, 9).T
-        state[_NAV + navigation.VELOCITY : _NAV + navigation.POSITION] = record.velocity
-        state[_NAV + navigation.POSITION :] = record.position / metres[:, None]
-        begin = state[:CONSTANTS].copy()
-        _run_pass(
-            state,
-            record.sensors,
-            record.observations,
-            motion.duration,
-            motion.update_step,
-            estimator.gains(number).gain,
-            navigation.site_constants(site),
-            metres,
-            *(
-                nothing
-                if history is None
-                else (history.estimate[number], history.innovation[number])
-            ),
+        off_prior = np.concatenate(
+            [lanes.parameter, (lanes.attitude * assumed.inv()).as_rotvec().T]
         )
-        constants = state[:CONSTANTS]
-        if number > 0:
-            moved = _apply(estimator.translate, constants - begin)
-            constants = begin + moved - _apply(estimator.pull, from_prior)
-        # a diverged lane keeps its NaN among the parameters, but needs some attitude to go on with
-        constants[COUNT:, ~np.isfinite(constants).all(axis=0)] = 0.0
-        start = Rotation.from_rotvec(constants[COUNT:].T) * start
-    return constants[:COUNT]
+        result, nis = _pass(record, motion, site, estimator, number, lanes, history)
+        tight_step = result - begin
+        if number == 0:
+            step, tight_step = tight_step, np.zeros_like(begin)
+        else:
+            moved = _apply(estimator.translate, tight_step)
+            result = begin + moved - _apply(estimator.pull, off_prior)
+            step = result - begin
+        lanes.take(result)
+        if estimator.judged:
+            lanes.start_anew(assumed)
+            if number + 1 >= estimator.passes:
+                converged = convergence.have_converged(estimator, number + 1, step, result)
+                beyond = convergence.are_beyond_chance(estimator, nis, tight_step, step)
+                lanes.stop(converged, beyond)
+            if not lanes.going.any():
+                break
+    return lanes.finish(estimator.judged)
+
+
+class _Lanes:
+    """Where the runs of a tile stand between two passes; what a lane does concerns no other.
+
+    Attributes
+    ----------
+    parameter : ndarray, shape (27, LANES)
+    attitude : Rotation
+        Body to NED at the start, as far as known.
+    going : ndarray of bool, shape (LANES,)
+        Lanes that make the next pass. The others are left as they are.
+    """
+
+    def __init__(self, parameter: np.ndarray, attitude: Rotation):
+        self.parameter, self.attitude = parameter, attitude
+        self.going = np.ones(LANES, dtype=bool)
+        self._fresh = np.ones(LANES, dtype=bool)  # has not started anew yet
+        self._passes = np.zeros(LANES, dtype=np.int64)
+        self._reason = np.zeros(LANES, dtype=np.int8)
+
+    def take(self, result: np.ndarray) -> None:
+        """Go on from the constants that a pass has found, shape (30, LANES)."""
+        self._passes += self.going
+        # a lane that ran away shows it in every parameter, but needs some attitude to go on with
+        finite = _finite(result)
+        result = np.where(finite, result, np.nan)
+        self.parameter = np.where(self.going, result[:COUNT], self.parameter)
+        turned = np.where(self.going & finite, result[COUNT:], 0.0)
+        self.attitude = Rotation.from_rotvec(turned.T) * self.attitude
+
+    def start_anew(self, assumed: Rotation) -> None:
+        """Put lanes whose pass ran away back to the prior's mean, once; stop them the next time."""
+        lost = self.going & ~_finite(self.parameter)
+        if lost.any():
+            anew = lost & self._fresh
+            self.parameter[:, anew] = 0.0
+            self.attitude = Rotation.from_quat(
+                np.where(anew[:, None], assumed.as_quat(), self.attitude.as_quat())
+            )
+            self.going &= ~lost | anew
+            self._fresh &= ~lost
+
+    def stop(self, converged: np.ndarray, beyond: np.ndarray) -> None:
+        """Keep lanes that have converged as they are; those beyond chance have failed."""
+        self._reason[self.going & converged & beyond] = convergence.BEYOND_CHANCE
+        self.going &= ~converged
+
+    def finish(self, judged: bool) -> Calibration:
+        """Outcome of the lanes after the last pass."""
+        if judged:
+            self._reason[self.going] = convergence.NOT_CONVERGED
+        self._reason[~_finite(self.parameter)] = convergence.NOT_FINITE
+        return Calibration(self.parameter, self._passes, self._reason)
+
+
+def _finite(lanes: np.ndarray) -> np.ndarray:
+    return np.asarray(np.isfinite(lanes).all(axis=0))
+
+
+def _pass(record, motion, site, estimator, number, lanes, history):
+    """One pass over the record: constants as it has them, (30, LANES), and the sum of its NIS."""
+    metres, nis = site.metres, np.zeros(LANES)
+    state = np.empty((_ROWS, LANES))
+    state[:COUNT] = lanes.parameter
+    state[COUNT:CONSTANTS] = 0.0
+    state[_NAV : _NAV + 9] = lanes.attitude.as_matrix().reshape(LANES, 9).T
+    state[_NAV + navigation.VELOCITY : _NAV + navigation.POSITION] = record.velocity
+    state[_NAV + navigation.POSITION :] = record.position / metres[:, None]
+    gains = estimator.gains(number)
+    judged = estimator.judged and number + 1 >= estimator.passes
+    course = np.empty((0, COUNT, LANES)), np.empty((0, OBSERVED, LANES))
+    if history is not None and number < len(history.estimate):
+        course = history.estimate[number], history.innovation[number]
+    _run_pass(
+        state,
+        record.sensors,
+        record.observations,
+        motion.duration,
+        motion.update_step,
+        gains.gain,
+        gains.whitening if judged else gains.whitening[:0],
+        navigation.site_constants(site),
+        metres,
+        *course,
+        nis,
+    )
+    return state[:CONSTANTS], nis
 
 
 def _apply(matrix: np.ndarray, lanes: np.ndarray) -> np.ndarray:
@@ -130,12 +234,16 @@ def _run_pass(
     duration,
     update_step,
     gain,
+    whitening,
     site,
     metres,
     estimate_history,
     innovation_history,
+    nis,
 ):
     """Navigate and correct all lanes through the record; `start` becomes the final state.
+
+    Where `whitening` is given, `nis` becomes the sum of the normalised innovations squared.
 
     Rows of the state: 27 parameters, attitude error at the start, attitude, velocity, position.
     The state lives in an array of fixed shape made here, so that the compiler knows that its rows
@@ -147,7 +255,8 @@ def _run_pass(
     for j in range(LANES):
         for i in range(_ROWS):
             state[i, j] = start[i, j]
-    keep = len(estimate_history) > 0
+    keep, judge = len(estimate_history) > 0, len(whitening) > 0
+    squares = np.zeros(LANES)
     for k in range(len(update_step) - 1):
         _fetch(gain, k + _AHEAD, _GAIN_BYTES)
         _fetch(observations, k + _AHEAD, _STEP_BYTES)
@@ -155,6 +264,10 @@ def _run_pass(
             _fetch(sensors, s + _AHEAD, _STEP_BYTES)
             _navigate(state, sensors, s, duration[s], site)
         _innovate(state, observations, k, metres, innovation)
+        if judge:
+            _fetch(whitening, k + _AHEAD, _WHITENING_BYTES)
+            for j in range(LANES):
+                squares[j] += _squared(whitening, k, innovation, j)
         _correct(state, gain, k, innovation, correction, metres)
         if keep:
             for j in range(LANES):
@@ -165,6 +278,7 @@ def _run_pass(
     for j in range(LANES):
         for i in range(_ROWS):
             start[i, j] = state[i, j]
+        nis[j] = squares[j]
 
 
 @inlined
@@ -219,3 +333,15 @@ def _product(gain, k, row, innovation, j):
         + gain[k, row, 4] * innovation[4, j]
         + gain[k, row, 5] * innovation[5, j]
     )
+
+
+@inlined
+def _squared(whitening, k, innovation, j):
+    """Normalised innovation squared: of the six, whitened by a lower triangular matrix."""
+    total = 0.0
+    for i in range(OBSERVED):
+        unit = 0.0
+        for c in range(i + 1):
+            unit += whitening[k, i, c] * innovation[c, j]
+        total += unit * unit
+    return total

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inscal.calibrator import History, calibrate, empty_history
+from inscal.calibrator import Calibration, History, calibrate, empty_history
+from inscal.convergence import NOT_FINITE
 from inscal.estimator import Belief, Estimator, build_estimator
 from inscal.kernel import LANES
 from inscal.motion import Motion, Site, build_motion
@@ -101,13 +102,19 @@ class Outcome:
     nees : ndarray, shape (runs,)
         Normalised estimation error squared over the modelled parameters.
     failed : ndarray of bool, shape (runs,)
-        Runs that diverged; their estimates and NEES are NaN.
+        Runs without a result; their estimates and NEES are NaN.
+    passes : ndarray of int, shape (runs,)
+        Passes made.
+    reason : ndarray of int, shape (runs,)
+        Why a run failed, a number of `inscal.convergence.REASONS`; 0 where it did not.
     """
 
     truth: np.ndarray
     estimate: np.ndarray
     nees: np.ndarray
     failed: np.ndarray
+    passes: np.ndarray
+    reason: np.ndarray
 
 
 def run(experiment: Experiment, runs: Sequence[int], workspace: Workspace | None = None) -> Outcome:
@@ -125,10 +132,11 @@ def run(experiment: Experiment, runs: Sequence[int], workspace: Workspace | None
     -------
     Outcome
     """
-    truth, estimate = np.empty((len(runs), COUNT)), np.empty((len(runs), COUNT))
-    for part, true, estimated in tiles(experiment, runs, workspace):
-        truth[part], estimate[part] = true, estimated
-    return _outcome(experiment.estimator, truth, estimate)
+    truth, calibrations = np.empty((len(runs), COUNT)), []
+    for part, true, calibration in tiles(experiment, runs, workspace):
+        truth[part] = true
+        calibrations.append(calibration)
+    return _outcome(experiment.estimator, truth, calibrations)
 
 
 def run_with_history(experiment: Experiment, number: int) -> tuple[Outcome, History]:
@@ -147,10 +155,11 @@ def run_with_history(experiment: Experiment, number: int) -> tuple[Outcome, Hist
     history : History
         With one lane.
     """
-    full = empty_history(experiment.estimator.passes, experiment.motion.updates)
-    [(_, truth, estimate)] = tiles(experiment, [number], history=full)
+    [(_, _, calibration)] = tiles(experiment, [number])
+    full = empty_history(int(calibration.passes[0]), experiment.motion.updates)
+    [(_, truth, calibration)] = tiles(experiment, [number], history=full)
     history = History(full.estimate[..., :1], full.innovation[..., :1])
-    return _outcome(experiment.estimator, truth, estimate), history
+    return _outcome(experiment.estimator, truth, [calibration]), history
 
 
 def tiles(
@@ -159,7 +168,7 @@ def tiles(
     workspace: Workspace | None = None,
     *,
     history: History | None = None,
-) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+) -> Iterator[tuple[slice, np.ndarray, Calibration]]:
     """Simulate and calibrate runs, up to `LANES` at a time.
 
     Parameters
@@ -176,8 +185,10 @@ def tiles(
     ------
     part : slice
         Of `runs`.
-    truth, estimate : ndarray, shape (runs of the part, 27)
-        SI; estimates are not finite where a run diverged.
+    truth : ndarray, shape (runs of the part, 27)
+        SI.
+    calibration : Calibration
+        A lane per run of the part.
     """
     workspace = workspace or Workspace.of(experiment.motion)
     parameters = experiment.truth.parameters
@@ -195,19 +206,25 @@ def tiles(
             runs=[numbers[lane] for lane in lanes],
             workspace=workspace,
         )
-        estimate = calibrate(
+        calibration = calibrate(
             record, experiment.motion, experiment.site, experiment.estimator, history=history
         )
-        yield slice(first, first + used), truth, estimate.T[:used]
+        yield slice(first, first + used), truth, calibration.head(used)
 
 
-def _outcome(estimator: Estimator, truth: np.ndarray, estimate: np.ndarray) -> Outcome:
-    """Judge the estimates of some runs, shapes (runs, 27)."""
-    failed = np.logical_not(np.isfinite(estimate).all(axis=1))
+def _outcome(
+    estimator: Estimator, truth: np.ndarray, calibrations: Sequence[Calibration]
+) -> Outcome:
+    """Join the calibrations of some runs, whose true parameters have shape (runs, 27)."""
+    estimate = np.concatenate([c.estimate for c in calibrations], axis=1).T
+    reason = np.concatenate([c.reason for c in calibrations])
+    reason = np.where(np.isfinite(estimate).all(axis=1), reason, NOT_FINITE)
+    failed = reason > 0
     estimate = np.where(failed[:, None], np.nan, estimate)
     modelled = estimator.predicted_std > 0
     consistency = np.full(len(truth), np.nan)
     if not failed.all():
         covariance = estimator.parameter_covariance[np.ix_(modelled, modelled)]
         consistency[~failed] = nees((estimate - truth)[~failed][:, modelled], covariance)
-    return Outcome(truth, estimate, consistency, failed)
+    passes = np.concatenate([c.passes for c in calibrations])
+    return Outcome(truth, estimate, consistency, failed, passes, reason)

@@ -26,7 +26,7 @@ import numpy as np
 
 from inscal.parameters import COUNT
 from inscal.record import OBSERVED
-from inscal.recursion import InitialStd
+from inscal.recursion import InitialStd, square_root
 from inscal.state_model import (
     NAVIGATION,
     OBSERVED_STATES,
@@ -121,7 +121,7 @@ def parameter_information(
     nav, unit = NAVIGATION, std.parameter[model.columns]
     states = nav + len(unit)
     backward = np.linalg.inv(transitions.navigation)
-    by_noise = backward @ _square_root(transitions.noise)
+    by_noise = backward @ square_root(transitions.noise)
     by_parameter = backward @ (transitions.parameter * unit)
 
     array = np.zeros((nav + states + OBSERVED, nav + states))
@@ -143,11 +143,3 @@ def parameter_information(
 
 def _triangular(array: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.qr(array, mode="r"))
-
-
-def _square_root(covariance: np.ndarray) -> np.ndarray:
-    """Some G with G G^T the covariance, which may be singular or of mixed units."""
-    scale = np.sqrt(np.diag(covariance))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))

@@ -70,9 +70,9 @@ def sample(
         np.empty((passes, len(stretches), len(lags), OBSERVED, len(runs))),
         *(np.empty((len(runs), COUNT)) for _ in range(3)),
     )
-    for part, truth, estimate in tiles(experiment, runs, history=history):
+    for part, truth, calibration in tiles(experiment, runs, history=history):
         used = len(truth)
-        result.truth[part], result.estimate[part] = truth, estimate
+        result.truth[part], result.estimate[part] = truth, calibration.estimate.T
         result.first_estimate[part] = history.estimate[0, -1].T[:used]
         for number in range(passes):
             unit = whiten(history.innovation[number, :, :, :used], covariance[number])

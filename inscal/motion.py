@@ -14,6 +14,9 @@ from inscal import earth
 from inscal.rotation import mean_rotation
 from inscal.schedule import Schedule, Segment, initial_attitude, segments
 
+MAX_LATITUDE = np.deg2rad(89.99)
+"""Greatest latitude, rad. Estimates are right to 11 m from a pole and lost at 1 m."""
+
 
 @dataclass(frozen=True)
 class Site:
@@ -25,10 +28,22 @@ class Site:
         Geodetic latitude, rad.
     height : float
         Height above the ellipsoid, m.
+
+    Raises
+    ------
+    ValueError
+        If it is within 1.1 km of a pole, where north is no direction to count on.
     """
 
     latitude: float
     height: float
+
+    def __post_init__(self) -> None:
+        if not abs(self.latitude) <= MAX_LATITUDE:
+            raise ValueError(
+                f"latitude of {np.rad2deg(self.latitude):g} deg: North, East, Down axes reach to "
+                f"{np.rad2deg(MAX_LATITUDE):g} deg north and south"
+            )
 
     @property
     def metres(self) -> np.ndarray:

@@ -32,6 +32,27 @@ _D2 = INDEX["accel_quadratic"].start
 _R = INDEX["lever_arm"].start
 
 
+def matrices(parameters: np.ndarray) -> np.ndarray:
+    """Scale factor errors and installation angles as matrices.
+
+    Parameters
+    ----------
+    parameters : ndarray, shape (27 or more, lanes)
+        In state order, SI.
+
+    Returns
+    -------
+    ndarray, shape (2, lanes, 3, 3)
+        dKg and dKa.
+    """
+    lanes = parameters.shape[1]
+    both = np.zeros((2, lanes, 3, 3))
+    columns, rows = np.triu_indices(3)  # a lower triangle column by column
+    both[0][:, rows, columns] = parameters[INDEX["gyro_k"]].T
+    both[1] = parameters[INDEX["accel_k"]].T.reshape(lanes, 3, 3).mT
+    return both
+
+
 def inverse_matrices(truth: np.ndarray) -> np.ndarray:
     """Inverses of I + dKg and I + dKa.
 
@@ -46,13 +67,10 @@ def inverse_matrices(truth: np.ndarray) -> np.ndarray:
         The six entries of the lower triangular gyro inverse and the nine of the accelerometers',
         each column by column as in `truth`.
     """
-    lanes = truth.shape[1]
-    gyro, accel = np.zeros((2, lanes, 3, 3))
-    columns, rows = np.triu_indices(3)  # a lower triangle column by column
-    gyro[:, rows, columns] = truth[INDEX["gyro_k"]].T
-    accel[:] = truth[INDEX["accel_k"]].T.reshape(lanes, 3, 3).mT
-    gyro_inverse, accel_inverse = np.linalg.inv(np.eye(3) + np.stack([gyro, accel]))
-    return np.concatenate([gyro_inverse[:, rows, columns].T, accel_inverse.mT.reshape(lanes, 9).T])
+    columns, rows = np.triu_indices(3)
+    gyro_inverse, accel_inverse = np.linalg.inv(np.eye(3) + matrices(truth))
+    accel_columns = accel_inverse.mT.reshape(truth.shape[1], 9)
+    return np.concatenate([gyro_inverse[:, rows, columns].T, accel_columns.T])
 
 
 @inlined

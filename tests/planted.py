@@ -82,12 +82,12 @@ def upper_gyro_matrix_in_filter(patch):
 
 
 def initial_attitude_too_sure(patch):
-    original = recursion.initial_covariance
+    original = recursion.initial_root
 
-    def covariance(model, std):
+    def root(model, std):
         return original(model, replace(std, attitude=std.attitude / 10))
 
-    return built_with(patch, recursion, "initial_covariance", covariance)
+    return built_with(patch, recursion, "initial_root", root)
 
 
 def sensor_noise_missing_in_filter(patch):
@@ -252,9 +252,9 @@ def estimates_swapped(patch):
     original = experiment.calibrate
 
     def calibrate(*arguments, **options):
-        estimate = original(*arguments, **options)
-        estimate[[13, 15]] = estimate[[15, 13]]
-        return estimate
+        calibration = original(*arguments, **options)
+        calibration.estimate[[13, 15]] = calibration.estimate[[15, 13]]
+        return calibration
 
     patch.setattr(experiment, "calibrate", calibrate)
     return reference()
@@ -264,9 +264,9 @@ def one_run_diverges(patch):
     original = experiment.calibrate
 
     def calibrate(*arguments, **options):
-        estimate = original(*arguments, **options)
-        estimate[4, 7] = np.inf
-        return estimate
+        calibration = original(*arguments, **options)
+        calibration.estimate[4, 7] = np.inf
+        return calibration
 
     patch.setattr(experiment, "calibrate", calibrate)
     return reference()

@@ -35,7 +35,8 @@ def outcome(runs, failed=()):
     estimate = truth + 0.01 * np.cos(numbers[:, None] * np.arange(COUNT))
     bad = np.isin(runs, failed)
     estimate[bad] = np.nan
-    return Outcome(truth, estimate, np.where(bad, np.nan, numbers + 0.5), bad)
+    passes, reason = np.full(len(bad), 2), bad.astype(np.int8)
+    return Outcome(truth, estimate, np.where(bad, np.nan, numbers + 0.5), bad, passes, reason)
 
 
 def batch(runs, failed=()):

@@ -46,7 +46,7 @@ def test_no_errors_and_no_noise_stay_at_rest_for_the_whole_path(turn_step):
     schedule = paper_schedule()
     motion, estimator = motion_of(schedule, turn_step), estimator_of(schedule)
     history = empty_history(2, motion.updates)
-    estimate = calibrate(perfect_record(motion), motion, SITE, estimator, history=history)
+    estimate = calibrate(perfect_record(motion), motion, SITE, estimator, history=history).estimate
     assert motion.duration.sum() == pytest.approx(12_500)
     # innovations are navigated velocity and position against zero
     assert np.abs(history.innovation[:, :, :3]).max() < 1e-6  # m/s
@@ -77,8 +77,8 @@ def test_aggregated_steps_against_full_rate():
         truth, fine, NOISE, STD, seed=4, runs=range(LANES), workspace=Workspace.of(fine)
     )
     estimator = estimator_of(schedule)
-    full = calibrate(record, fine, SITE, estimator)
-    less = calibrate(aggregate(record, fine, coarse), coarse, SITE, estimator)
+    full = calibrate(record, fine, SITE, estimator).estimate
+    less = calibrate(aggregate(record, fine, coarse), coarse, SITE, estimator).estimate
     sigma = estimator.predicted_std[:, None]
     assert (np.abs(full - truth) / sigma).mean() > 0.5  # there are errors to compare
     assert (np.abs(full - less) / sigma).max() < 0.05
@@ -98,7 +98,7 @@ def test_second_pass_removes_what_the_first_leaves():
             truth, motion, silent, still, seed=4, runs=range(LANES), workspace=Workspace.of(motion)
         )
         estimator = estimator_of(schedule, passes)
-        estimate = calibrate(record, motion, SITE, estimator)
+        estimate = calibrate(record, motion, SITE, estimator).estimate
         # what prior shrinkage explains is no defect of the linearisation
         sigma = estimator.predicted_std[:, None]
         left.append(np.abs((estimate - truth) / sigma).max())
@@ -115,13 +115,13 @@ def test_a_lane_knows_nothing_of_its_neighbours():
     record = simulate(
         truth, motion, NOISE, STD, seed=4, runs=range(LANES), workspace=Workspace.of(motion)
     )
-    together = calibrate(record, motion, SITE, estimator)
+    together = calibrate(record, motion, SITE, estimator).estimate
     order = rng.permutation(LANES)
     shuffled = Record(**{name: value[..., order] for name, value in vars(record).items()})
-    assert (calibrate(shuffled, motion, SITE, estimator) == together[:, order]).all()
+    assert (calibrate(shuffled, motion, SITE, estimator).estimate == together[:, order]).all()
     # a neighbour that diverges harms nobody
     record.sensors[50, 4, 3] = np.nan
-    broken = calibrate(record, motion, SITE, estimator)
+    broken = calibrate(record, motion, SITE, estimator).estimate
     others = np.arange(LANES) != 3
     assert not np.isfinite(broken[:, 3]).all()
     assert (broken[:, others] == together[:, others]).all()
@@ -135,6 +135,6 @@ def test_history_ends_with_the_first_passs_estimate():
         truth, motion, NOISE, STD, seed=4, runs=range(LANES), workspace=Workspace.of(motion)
     )
     history = empty_history(1, motion.updates)
-    estimate = calibrate(record, motion, SITE, estimator, history=history)
+    estimate = calibrate(record, motion, SITE, estimator, history=history).estimate
     assert (history.estimate[0, -1] == estimate).all()
-    assert (calibrate(record, motion, SITE, estimator) == estimate).all()
+    assert (calibrate(record, motion, SITE, estimator).estimate == estimate).all()

@@ -1,10 +1,12 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from conftest import paper_schedule, paper_truth
 
 from inscal import parameters
 from inscal.motion import Site
-from inscal.recursion import ATTITUDE, InitialStd, compute_gains, initial_covariance
+from inscal.recursion import ATTITUDE, InitialStd, compute_gains
 from inscal.state_model import NAVIGATION, NoiseModel, StateModel, build_transitions
 
 SITE = Site(np.deg2rad(39.98), 50.0)
@@ -26,6 +28,14 @@ def build(positions, duration, model):
     return transitions, compute_gains(transitions, model, NOISE, STD)
 
 
+def initial_covariance(model, std=STD):
+    """Of navigation states, modelled parameters and the appended attitude error at the start."""
+    sigma = np.concatenate([std.navigation, std.parameter[model.columns], std.attitude])
+    covariance = np.diag(sigma**2)
+    covariance[:3, -3:] = covariance[-3:, :3] = np.diag(std.attitude**2)
+    return covariance
+
+
 def scaled_difference(a, b):
     sigma = np.sqrt(np.diag(b))
     return (
@@ -38,7 +48,7 @@ def test_against_the_textbook_filter_in_joseph_form(states):
     model = MODELS[states]
     transitions, gains = build(5, 300.0, model)
     n = model.states + ATTITUDE
-    p = initial_covariance(model, STD)
+    p = initial_covariance(model)
     f, h, q = np.eye(n), np.zeros((6, n)), np.zeros((n, n))
     f[:NAVIGATION, :NAVIGATION] = transitions.navigation
     h[:, :NAVIGATION] = H
@@ -68,7 +78,7 @@ def test_against_the_joint_posterior_of_all_states():
     transitions, gains = build(3, 20.0, model)
     updates, n = len(transitions.index), model.states
     # unknowns: initial state, then the noise of every interval, each with unit variance
-    prior = np.sqrt(np.diag(initial_covariance(model, STD))[:n])
+    prior = np.sqrt(np.diag(initial_covariance(model))[:n])
     root = np.linalg.cholesky(transitions.noise + 1e-30 * np.eye(9))
     size = n + 9 * updates
     state = np.zeros((n, size))
@@ -112,3 +122,59 @@ def test_more_noise_never_sharpens_and_more_data_never_blurs():
     loud = compute_gains(transitions, StateModel(), louder, STD)
     assert (loud.parameter_std >= quiet.parameter_std * (1 - 1e-12)).all()
     assert (loud.parameter_std[-1] > 1.1 * quiet.parameter_std[-1]).any()
+
+
+def extended_recursion(transitions, noise, std):
+    """Gains and final covariance of all parameters by 80-bit numbers."""
+    wide = np.longdouble
+    p = initial_covariance(StateModel(), std).astype(wide)
+    f, q = transitions.navigation.astype(wide), transitions.noise.astype(wide)
+    r = np.repeat([noise.velocity, noise.position], 3).astype(wide) ** 2
+    gains = []
+    for index in transitions.index:
+        rows = f @ p[:9] + transitions.parameter[index].astype(wide) @ p[9:36]
+        p[:9, 9:], p[9:, :9] = rows[:, 9:], rows[:, 9:].T
+        p[:9, :9] = rows[:, :9] @ f.T + rows[:, 9:36] @ transitions.parameter[index].T + q
+        gain = np.zeros((39, 6), dtype=wide)
+        for i in range(6):  # one by one: a row of gain in terms of the innovations of all six
+            k = p[:, 3 + i] / (p[3 + i, 3 + i] + r[i])
+            p = p - np.outer(k, p[3 + i])
+            p = (p + p.T) / 2
+            before = gain[3 + i].copy()
+            gain -= np.outer(k, before)
+            gain[:, i] += k
+        gains.append(gain)
+    return np.array(gains), p[9:, 9:]
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).nmant < 63, reason="no 80-bit numbers here")
+@pytest.mark.parametrize(
+    ("sensors", "observations", "prior"),
+    [(1, 1, 1), (1e-3, 1e-3, 1), (0, 1, 1), (1e-3, 1e-3, 10), (1, 1, 100), (1e3, 1e3, 0.01)],
+)
+def test_against_extended_precision_where_double_precision_is_short(sensors, observations, prior):
+    noise = NoiseModel(
+        sensors * NOISE.gyro,
+        sensors * NOISE.accel,
+        observations * NOISE.velocity,
+        observations * NOISE.position,
+    )
+    std = dataclasses.replace(STD, parameter=prior * SIZE)
+    schedule = paper_schedule(position_duration=30.0)
+    transitions = build_transitions(schedule, SITE, StateModel(), noise, update_interval=1.0)
+    expected, covariance = extended_recursion(transitions, noise, std)
+    gains = compute_gains(transitions, StateModel(), noise, std)
+    r = np.repeat([noise.velocity, noise.position], 3)
+    scale = gains.parameter_std[:, :, None] / r
+    # 80-bit numbers themselves are right to some 1e-5 at the widest priors tried
+    assert (np.abs(gains.gain - expected)[:, 9:36] / scale).max() < 3e-5
+    assert scaled_difference(gains.covariance, covariance.astype(float)) < 3e-5
+
+
+def test_roots_and_what_they_are_roots_of():
+    _, gains = build(5, 60.0, StateModel())
+    np.testing.assert_allclose(gains.root @ gains.root.T, gains.covariance)
+    assert not np.triu(gains.root, 1).any()
+    unit = gains.whitening @ gains.innovation_covariance @ gains.whitening.mT
+    np.testing.assert_allclose(unit, np.broadcast_to(np.eye(6), unit.shape), atol=1e-12)
+    assert not np.triu(gains.whitening, 1).any()

@@ -309,7 +309,8 @@ def test_sample_repeats_the_runs(short_campaign):
     np.testing.assert_array_equal(found.estimate, outcome.estimate)
     np.testing.assert_array_equal(found.truth, outcome.truth)
     single = dataclasses.replace(
-        experiment, estimator=dataclasses.replace(experiment.estimator, passes=1)
+        experiment,
+        estimator=dataclasses.replace(experiment.estimator, passes=1, max_passes=1),
     )
     np.testing.assert_array_equal(found.first_estimate, run(single, runs).estimate)
     _, history = run_with_history(experiment, 35)

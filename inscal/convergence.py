@@ -1,0 +1,121 @@
+"""Whether a run's passes have converged, and whether its own data speak for the result.
+
+**Convergence.** A further pass linearises about the result of the last, so it changes that result
+by what the last one neglected: products of its step with the parameters themselves. Of steps in the
+matrices of scale factors and installation angles this is known: the pass finds D where
+I + K + D (I + K) was wanted, so that D K is left. Of all other constants only the size is, that of
+the largest entry of K times the step. The larger of the two is the change to expect. At the
+reference case two passes leave 0.005 sigma to be changed, 0.09 at most in 4 096 runs.
+
+**Verdict.** If model and noise are what the filter believes, the normalised innovations squared
+(NIS) of a converged pass add up to chi-square, with the number of observations as its degrees of
+freedom, or fewer by up to the number of constants that the record has already told. What the
+pass's own step adds is taken off: where x_T - x0 is what the tight pass found and x - x0 the
+translated step, that is (x_T - x0)^T T_0^-1 (x - x0).
+"""
+
+import numpy as np
+from scipy import special
+
+from inscal.estimator import CONSTANTS, Estimator
+from inscal.parameters import COUNT, INDEX
+from inscal.sensor import matrices
+from inscal.state_model import OBSERVED
+
+REASONS = (
+    "",
+    "estimates are not finite",
+    "passes have not converged",
+    "innovations are beyond chance",
+)
+"""Why a run failed, by number; the first is that of a run that did not."""
+NOT_FINITE, NOT_CONVERGED, BEYOND_CHANCE = 1, 2, 3
+
+_ENOUGH = 0.2
+"""Sigmas of expected change that ask for no pass beyond those that every run gets. In all cases
+tried a further pass then changed no constant by more than 0.25 sigma, and 0.06 in root mean square:
+half a percent of the mean square error at the very most."""
+
+_FALSE_ALARM = 1e-6
+"""Probability that a run of a right model is said to be beyond chance."""
+
+
+def expected_change(estimator: Estimator, step: np.ndarray, result: np.ndarray) -> np.ndarray:
+    """Largest change of a constant that a further pass can be expected to make, in sigmas.
+
+    Parameters
+    ----------
+    estimator : Estimator
+    step : ndarray, shape (30, lanes)
+        What the last pass changed, SI.
+    result : ndarray, shape (30, lanes)
+        Its result, SI.
+
+    Returns
+    -------
+    ndarray, shape (lanes,)
+        Not finite where the step is not.
+    """
+    error, left = matrices(result), np.zeros((COUNT, step.shape[1]))
+    gyro, accel = matrices(step) @ error
+    columns, rows = np.triu_indices(3)
+    left[INDEX["gyro_k"]] = gyro[:, rows, columns].T
+    left[INDEX["accel_k"]] = accel.mT.reshape(-1, 9).T
+    size = np.abs(error).max(axis=(0, 2, 3))
+    return np.asarray(np.maximum(size * _in_sigmas(estimator, step), _in_sigmas(estimator, left)))
+
+
+def have_converged(
+    estimator: Estimator, passes: int, step: np.ndarray, result: np.ndarray
+) -> np.ndarray:
+    """Tell which lanes need no further pass.
+
+    Parameters
+    ----------
+    estimator : Estimator
+    passes : int
+        Made so far, at least those that every run gets.
+    step, result : ndarray, shape (30, lanes)
+        What the last of them changed, and its result, SI.
+
+    Returns
+    -------
+    ndarray of bool, shape (lanes,)
+    """
+    with np.errstate(invalid="ignore", over="ignore"):  # of lanes that ran away
+        converged = _in_sigmas(estimator, step) < estimator.convergence_sigma
+        if passes <= estimator.passes:
+            converged |= expected_change(estimator, step, result) < _ENOUGH
+    return converged
+
+
+def are_beyond_chance(
+    estimator: Estimator, nis: np.ndarray, tight_step: np.ndarray, step: np.ndarray
+) -> np.ndarray:
+    """Tell in which lanes the innovations of a converged pass contradict the filter.
+
+    Parameters
+    ----------
+    estimator : Estimator
+    nis : ndarray, shape (lanes,)
+        Normalised innovations squared, summed over the pass.
+    tight_step, step : ndarray, shape (30, lanes)
+        Change of the constants before and after translation, SI.
+
+    Returns
+    -------
+    ndarray of bool, shape (lanes,)
+    """
+    weight = estimator.per_tight[:, None] ** 2
+    with np.errstate(invalid="ignore", over="ignore"):
+        own = nis - (weight * tight_step * step).sum(axis=0)
+    count = OBSERVED * len(estimator.first.gain)
+    low = special.chdtri(max(count - CONSTANTS, 1), 1.0 - 0.5 * _FALSE_ALARM)
+    high = special.chdtri(count, 0.5 * _FALSE_ALARM)
+    return ~((own >= low) & (own <= high))
+
+
+def _in_sigmas(estimator: Estimator, change: np.ndarray) -> np.ndarray:
+    """Largest of some changes of constants in units of the final sigmas, shape (lanes,)."""
+    per_sigma = estimator.per_sigma[: len(change), None]
+    return np.asarray(np.abs(change * per_sigma).max(axis=0))
