@@ -5,9 +5,11 @@ A module of its own, so that workers import it by name and keep their buffers fr
 
 import logging
 import threading
+from dataclasses import fields
 
 import numpy as np
 
+from inscal.convergence import NOT_FINITE
 from inscal.experiment import Experiment, Outcome, run
 from inscal.parameters import COUNT
 from inscal.simulation import Workspace
@@ -48,12 +50,19 @@ def attempt(experiment: Experiment, runs: list[int]) -> Outcome:
         return run(experiment, runs, workspace)
     except Exception:
         if len(runs) == 1:
-            nothing = np.full((1, COUNT), np.nan)
-            return Outcome(nothing, nothing, np.full(1, np.nan), np.ones(1, dtype=bool))
-    singles = [attempt(experiment, [number]) for number in runs]
+            return _nothing()
+    return joined([attempt(experiment, [number]) for number in runs])
+
+
+def _nothing() -> Outcome:
+    """Outcome of one run that an exception ended."""
+    nothing, nan = np.full((1, COUNT), np.nan), np.full(1, np.nan)
+    no_passes, raised = np.zeros(1, dtype=np.int64), np.full(1, NOT_FINITE)
+    return Outcome(nothing, nothing, nan, np.ones(1, dtype=bool), no_passes, raised)
+
+
+def joined(outcomes: list[Outcome]) -> Outcome:
+    """Outcomes of some runs as one."""
     return Outcome(
-        *(
-            np.concatenate([getattr(single, name) for single in singles])
-            for name in ("truth", "estimate", "nees", "failed")
-        )
+        *(np.concatenate([getattr(o, f.name) for o in outcomes]) for f in fields(Outcome))
     )
