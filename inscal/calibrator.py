@@ -69,15 +69,24 @@ class Calibration:
     reason : ndarray of int, shape (LANES,)
         Why a run failed, a number of `inscal.convergence.REASONS`; 0 where it did not. Estimates
         may be not finite where it did.
+    innovation_ratio : ndarray, shape (LANES,)
+        Of the last pass, 1 where the filter is right (`inscal.convergence.innovation_ratio`); NaN
+        where runs are not judged, or did not converge.
     """
 
     estimate: np.ndarray
     passes: np.ndarray
     reason: np.ndarray
+    innovation_ratio: np.ndarray
 
     def head(self, count: int) -> "Calibration":
         """First lanes alone."""
-        return Calibration(self.estimate[:, :count], self.passes[:count], self.reason[:count])
+        return Calibration(
+            self.estimate[:, :count],
+            self.passes[:count],
+            self.reason[:count],
+            self.innovation_ratio[:count],
+        )
 
 
 def calibrate(
@@ -126,8 +135,8 @@ def calibrate(
             lanes.start_anew(assumed)
             if number + 1 >= estimator.passes:
                 converged = convergence.have_converged(estimator, number + 1, step, result)
-                beyond = convergence.are_beyond_chance(estimator, nis, tight_step, step)
-                lanes.stop(converged, beyond)
+                ratio = convergence.innovation_ratio(estimator, nis, tight_step, step)
+                lanes.stop(converged, ratio, estimator.innovation_limit)
             if not lanes.going.any():
                 break
     return lanes.finish(estimator.judged)
@@ -151,6 +160,7 @@ class _Lanes:
         self._fresh = np.ones(LANES, dtype=bool)  # has not started anew yet
         self._passes = np.zeros(LANES, dtype=np.int64)
         self._reason = np.zeros(LANES, dtype=np.int8)
+        self._ratio = np.full(LANES, np.nan)
 
     def take(self, result: np.ndarray) -> None:
         """Go on from the constants that a pass has found, shape (30, LANES)."""
@@ -174,9 +184,11 @@ class _Lanes:
             self.going &= ~lost | anew
             self._fresh &= ~lost
 
-    def stop(self, converged: np.ndarray, beyond: np.ndarray) -> None:
-        """Keep lanes that have converged as they are; those beyond chance have failed."""
-        self._reason[self.going & converged & beyond] = convergence.BEYOND_CHANCE
+    def stop(self, converged: np.ndarray, ratio: np.ndarray, limit: float) -> None:
+        """Keep lanes that have converged as they are; those of a ratio beyond the limit failed."""
+        done = self.going & converged
+        self._ratio[done] = ratio[done]
+        self._reason[done & ~(ratio <= limit)] = convergence.BEYOND_LIMIT
         self.going &= ~converged
 
     def finish(self, judged: bool) -> Calibration:
@@ -184,7 +196,7 @@ class _Lanes:
         if judged:
             self._reason[self.going] = convergence.NOT_CONVERGED
         self._reason[~_finite(self.parameter)] = convergence.NOT_FINITE
-        return Calibration(self.parameter, self._passes, self._reason)
+        return Calibration(self.parameter, self._passes, self._reason, self._ratio)
 
 
 def _finite(lanes: np.ndarray) -> np.ndarray:

@@ -41,8 +41,8 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from inscal.motion import Site
-from inscal.parameters import COUNT, NAMES
-from inscal.recursion import ATTITUDE, Gains, InitialStd, compute_gains
+from inscal.parameters import COUNT
+from inscal.recursion import ATTITUDE, Gains, InitialStd, compute_gains, refuse_degenerate
 from inscal.schedule import Schedule
 from inscal.state_model import NoiseModel, StateModel, build_transitions
 
@@ -76,6 +76,9 @@ class Belief:
         its own data. Without it there are exactly `passes`, and estimates need only be finite.
     convergence_sigma : float
         A run has converged when a further pass changes no constant by so much of its sigma.
+    innovation_limit : float
+        A run whose innovations squared are more than so many times what the filter expects of
+        them has failed.
     """
 
     noise: NoiseModel
@@ -85,6 +88,7 @@ class Belief:
     model: StateModel = field(default_factory=StateModel)
     max_passes: int | None = None
     convergence_sigma: float = 0.01
+    innovation_limit: float = 100.0
 
 
 @dataclass(frozen=True)
@@ -101,6 +105,8 @@ class Estimator:
         Passes of every run, and of a run that does not converge.
     convergence_sigma : float
         Change of the constants, in their sigmas, that ends a run's passes.
+    innovation_limit : float
+        Innovation ratio beyond which a run has failed.
     per_sigma, per_tight : ndarray, shape (30,)
         One over the final sigma of each constant, and over that which a further pass starts from,
         the root of T_0's diagonal; zero where not modelled.
@@ -115,6 +121,7 @@ class Estimator:
     passes: int
     max_passes: int
     convergence_sigma: float
+    innovation_limit: float
     per_sigma: np.ndarray
     per_tight: np.ndarray
     translate: np.ndarray
@@ -179,7 +186,7 @@ def build_estimator(schedule: Schedule, site: Site, belief: Belief) -> Estimator
     tight = np.minimum(_TIGHT * final, prior)
     translate, pull, later = np.eye(CONSTANTS), np.zeros((CONSTANTS, CONSTANTS)), None
     if max_passes > 1:
-        _refuse_degenerate(final[modelled], modelled)
+        refuse_degenerate(first, model)
         tight_std = replace(std, parameter=tight[:COUNT], attitude=tight[COUNT:])
         later = compute_gains(transitions, model, noise, tight_std)
         # in units of the final sigmas: SI covariances span twenty orders of magnitude
@@ -194,6 +201,7 @@ def build_estimator(schedule: Schedule, site: Site, belief: Belief) -> Estimator
         passes=belief.passes,
         max_passes=max_passes,
         convergence_sigma=belief.convergence_sigma,
+        innovation_limit=belief.innovation_limit,
         per_sigma=_reciprocal(final),
         per_tight=_reciprocal(tight),
         translate=translate,
@@ -213,20 +221,3 @@ def _ratio(wide: np.ndarray, narrow: np.ndarray) -> np.ndarray:
     """
     half = solve_triangular(narrow, wide, lower=True)
     return np.asarray(solve_triangular(narrow.T, half @ wide.T, lower=False).T)
-
-
-def _refuse_degenerate(sigma: np.ndarray, modelled: np.ndarray) -> None:
-    """Raise where further passes have nothing to weigh a constant's change by.
-
-    Raises
-    ------
-    ValueError
-        If a predicted sigma of a modelled constant is zero or not finite.
-    """
-    for std, constant in zip(sigma, modelled, strict=True):
-        if not 0.0 < std < np.inf:
-            name = NAMES[constant] if constant < COUNT else "the attitude at the start"
-            raise ValueError(
-                f"the filter's predicted sigma of {name} is {std:g}: its prior must be above zero, "
-                "and all priors and noise of a size that double precision holds"
-            )

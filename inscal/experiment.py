@@ -107,6 +107,8 @@ class Outcome:
         Passes made.
     reason : ndarray of int, shape (runs,)
         Why a run failed, a number of `inscal.convergence.REASONS`; 0 where it did not.
+    innovation_ratio : ndarray, shape (runs,)
+        Mean NIS of an observation; NaN where runs are not judged, or did not converge.
     """
 
     truth: np.ndarray
@@ -115,6 +117,7 @@ class Outcome:
     failed: np.ndarray
     passes: np.ndarray
     reason: np.ndarray
+    innovation_ratio: np.ndarray
 
 
 def run(experiment: Experiment, runs: Sequence[int], workspace: Workspace | None = None) -> Outcome:
@@ -227,4 +230,5 @@ def _outcome(
         covariance = estimator.parameter_covariance[np.ix_(modelled, modelled)]
         consistency[~failed] = nees((estimate - truth)[~failed][:, modelled], covariance)
     passes = np.concatenate([c.passes for c in calibrations])
-    return Outcome(truth, estimate, consistency, failed, passes, reason)
+    ratio = np.concatenate([c.innovation_ratio for c in calibrations])
+    return Outcome(truth, estimate, consistency, failed, passes, reason, ratio)

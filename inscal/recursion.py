@@ -156,6 +156,31 @@ def compute_gains(
     )
 
 
+def refuse_degenerate(gains: Gains, model: StateModel) -> None:
+    """Raise where the recursion leaves nothing that double precision can weigh.
+
+    Parameters
+    ----------
+    gains : Gains
+    model : StateModel
+        That they were computed with.
+
+    Raises
+    ------
+    ValueError
+        If a predicted sigma of a modelled constant is zero or not finite.
+    """
+    sigma, modelled = np.sqrt(np.diag(gains.covariance)), set(model.columns)
+    for constant, std in enumerate(sigma):
+        attitude = constant >= parameters.COUNT
+        if (attitude or constant in modelled) and not 0.0 < std < np.inf:
+            name = "the attitude at the start" if attitude else parameters.NAMES[constant]
+            raise ValueError(
+                f"the filter's predicted sigma of {name} is {std:g}: its prior must be above zero, "
+                "and all priors and noise of a size that double precision holds"
+            )
+
+
 def square_root(covariance: np.ndarray) -> np.ndarray:
     """Some G with G G^T the covariance, which may be singular or of mixed units."""
     scale = np.sqrt(np.diag(covariance))

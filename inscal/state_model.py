@@ -285,8 +285,8 @@ def _noise_covariance(a: np.ndarray, noise: NoiseModel, interval: float) -> np.n
     """Van Loan's integral of the sensor noise; equal on all axes, so it does not turn."""
     n = NAVIGATION
     density = np.zeros((n, n))
-    density[0:3, 0:3] = noise.gyro**2 * np.eye(3)
-    density[3:6, 3:6] = noise.accel**2 * np.eye(3)
+    density[0:3, 0:3] = np.square(noise.gyro) * np.eye(3)
+    density[3:6, 3:6] = np.square(noise.accel) * np.eye(3)
     block = expm(np.block([[-a, density], [np.zeros((n, n)), a.T]]) * interval)
     covariance = block[n:, n:].T @ block[:n, n:]
     return 0.5 * (covariance + covariance.T)

@@ -11,8 +11,8 @@ For example::
     python -m pipeline.simulate only_run=17    # this run again, with its course over time
 
 Reads: schedule noise truth estimator cluster cluster.workers cluster.address campaign.runs
-campaign.precision campaign.seed campaign.batch campaign.store campaign.replace only_run out site
-simulation sensor.
+campaign.precision campaign.seed campaign.batch campaign.store campaign.replace
+campaign.max_failed_share only_run out site simulation sensor.
 """
 
 from pathlib import Path

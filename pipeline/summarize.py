@@ -7,16 +7,22 @@ For example::
     python -m pipeline.summarize schedule=position19 noise=quiet
     python -m pipeline.summarize campaign.store=results/runs/try bounds.gyro_bias_deg_per_h=0.002
 
-Reads: schedule noise campaign.store bounds.
+Reads: schedule noise campaign.store campaign.max_failed_share bounds.
 """
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
 
 import xarray as xr
 
 from pipeline.campaign.judged import _FOLDER, as_json, summary_of, table_text
+from pipeline.campaign.store import refuse_failures
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.output import write_text
 from pipeline.console.terminal import new_table, show
+from pipeline.words.markdown import number
 
 
 def print_summary(summary: xr.Dataset) -> None:
@@ -33,36 +39,52 @@ def print_summary(summary: xr.Dataset) -> None:
             str(name),
             str(row.unit.values),
             *(f"{float(row[key]):.3g}" for key in ("bias", "rmse", "predicted_std")),
-            _ratio(float(row.rmse_over_predicted)),
+            number(float(row.rmse_over_predicted), 3),
             f"{float(row.abs_error_p95):.3g}",
             f"{float(row.bound):g}",
             f"{100 * float(row.share_within_bound):.1f} %",
             " - ".join(f"{100 * float(end):.1f}" for end in interval),
         )
-    show(f"{summary.attrs['campaign']}, {int(summary.runs_done)} runs", table)
+    done, failed = int(summary.runs_done), int(summary.runs_failed)
+    show(f"{summary.attrs['campaign']}, {done + failed} runs", table)
     print(
         f"all within bounds at once: {100 * float(summary.joint_share):.1f} % "
         f"({100 * float(summary.joint_share_lower):.1f} - "
-        f"{100 * float(summary.joint_share_upper):.1f} %)\n"
-        f"NEES mean {float(summary.nees_mean):.2f}, consistent if in "
-        f"{float(summary.nees_lower):.2f} ... {float(summary.nees_upper):.2f}\n"
-        f"runs failed {int(summary.runs_failed)}; RMSE known to "
-        f"{100 * float(summary.precision):.1f} %"
+        f"{100 * float(summary.joint_share_upper):.1f} %) of {done + failed} runs, of which "
+        f"{failed} failed ({100 * failed / (done + failed):.1f} %) and miss every bound\n"
+        f"of the {done} runs that converged: NEES mean {number(float(summary.nees_mean))}, "
+        f"consistent if in {float(summary.nees_lower):.2f} ... {float(summary.nees_upper):.2f}; "
+        f"RMSE known to {100 * float(summary.precision):.1f} %"
     )
+    for line in verdicts(summary.attrs):
+        print(line)
 
 
-def _ratio(value: float) -> str:
-    return f"{value:.3f}" if value < 100.0 else f"{value:.3g}"
+def verdicts(about: Mapping[str, Any]) -> list[str]:
+    """Say how many passes runs took, what contradicts the filter, and why runs failed."""
+    taken = ", ".join(f"{p} in {n} runs" for p, n in about.get("passes_taken", {}).items())
+    lines = [f"passes: {taken}"] if taken else []
+    if about.get("runs_contradicted"):
+        lines.append(f"innovations contradict the filter in {about['runs_contradicted']} runs")
+    why = Counter(about.get("failures", {}).values())
+    return [*lines, *(f"failed: {count} runs, {reason}" for reason, count in why.items())]
 
 
 @stage
 def main(config: Config) -> None:
-    """Summarize one campaign into a table on the terminal, a CSV and a JSON file."""
+    """Summarize one campaign into a table on the terminal, a CSV and a JSON file.
+
+    Raises
+    ------
+    FailedRunsError
+        If more of its runs failed than `campaign.max_failed_share` allows; the files are written.
+    """
     summary = summary_of(config, config.campaign.store)
     print_summary(summary)
     base = _FOLDER / summary.attrs["campaign"]
     write_text(f"{base}.csv", table_text(summary))
     write_text(f"{base}.json", as_json(summary))
+    refuse_failures(config, int(summary.runs_done), int(summary.runs_failed))
 
 
 if __name__ == "__main__":

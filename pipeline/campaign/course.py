@@ -29,7 +29,7 @@ def history_dataset(config: Config) -> xr.Dataset:
     number = config.only_run
     assert number is not None
     outcome, history = run_with_history(experiment, number)
-    passes = range(experiment.estimator.passes)
+    passes = range(len(history.estimate))
     truth, estimate = outcome.truth[0] / unit, history.estimate[..., 0] / unit
     course = ("calibration_pass", "time", "parameter")
     observed = ("calibration_pass", "time", "observation")

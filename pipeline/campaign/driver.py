@@ -15,12 +15,13 @@ import zarr
 from dask.typing import Key
 from distributed import Client, as_completed
 
-from inscal.experiment import Experiment, Outcome
+from inscal.convergence import REASONS
+from inscal.experiment import Experiment
 from inscal.kernel import LANES
 from pipeline.campaign import provenance, store
 from pipeline.campaign.cluster import check, client
 from pipeline.campaign.lock import writing
-from pipeline.campaign.worker import attempt, share
+from pipeline.campaign.worker import Batch, attempt, share
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console import interrupts
@@ -72,6 +73,8 @@ def simulate_campaign(config: Config) -> None:
     ------
     DataError
         If the store is another campaign's, or the cluster cannot be had.
+    FailedRunsError
+        If more of the runs failed than `campaign.max_failed_share` allows.
     """
     check(config.cluster)
     setup = Setup(config)
@@ -85,6 +88,7 @@ def simulate_campaign(config: Config) -> None:
             interrupts.telling(lambda: kept_line(config, target)),
         ):
             _make_pending(config, experiment, target)
+        store.refuse_failures(config, *store.counts(target))
 
 
 def kept_line(config: Config, target: zarr.Group) -> str:
@@ -119,6 +123,14 @@ def _make_pending(config: Config, experiment: Experiment, target: zarr.Group) ->
                 break
 
 
+def _failures(runs: list[int], batch: Batch, seed: int) -> Iterator[str]:
+    """Say of every failed run of a batch why it did, and how it is repeated."""
+    for place in np.flatnonzero(batch.outcome.failed):
+        number = runs[place]
+        why = batch.exceptions.get(number, REASONS[batch.outcome.reason[place]])
+        yield f"run {number} failed: {why} (seed {seed}); repeat with only_run={number}"
+
+
 def checkpoints(runs: int) -> list[int]:
     """Numbers of runs after which a campaign looks whether it is precise enough.
 
@@ -132,7 +144,7 @@ def checkpoints(runs: int) -> list[int]:
 
 def _fan_out(config, shared, todo, target, workers: Client, progress) -> None:
     """Keep every worker supplied, write what comes back, release it."""
-    finished: list[tuple[list[int], Outcome]] = []
+    finished: list[tuple[list[int], Batch]] = []
     flushed = time.monotonic()
     futures = as_completed(with_results=False)
     numbers: dict[Key, list[int]] = {}
@@ -157,15 +169,12 @@ def _fan_out(config, shared, todo, target, workers: Client, progress) -> None:
         supply()
         for future in futures:
             with interrupts.held():
-                runs, outcome = numbers.pop(future.key), future.result()
+                runs, batch = numbers.pop(future.key), future.result()
                 future.release()
                 supply()
-                finished.append((runs, outcome))
-                for failed in np.array(runs)[outcome.failed]:
-                    progress.say(
-                        f"run {failed} failed (seed {config.campaign.seed}); "
-                        f"repeat with only_run={failed}"
-                    )
+                finished.append((runs, batch))
+                for line in _failures(runs, batch, config.campaign.seed):
+                    progress.say(line)
                 if time.monotonic() - flushed > _FLUSH_INTERVAL_S:
                     write()
                     flushed = time.monotonic()

@@ -1,7 +1,9 @@
 """A campaign judged against its bounds, and two campaigns against each other."""
 
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from inscal.parameters import NAMES
@@ -59,7 +61,27 @@ def summary(config: Config, path: str | Path, campaign: xr.Dataset) -> xr.Datase
         noise=configuration["noise"],
         quadratic_unit=configuration["sensor"]["quadratic_unit"],
         failed_runs=[int(r) for r in campaign.run[campaign.status == store.FAILED]],
+        **_verdicts(campaign),
     )
+
+
+def _verdicts(campaign: xr.Dataset) -> dict[str, Any]:
+    """What was found of the runs by their own data; nothing of a store that does not have it."""
+    if not {"passes", "reason", "innovation_ratio"} <= set(campaign.data_vars):
+        return {}
+    done, failed = store.done(campaign), campaign.isel(run=campaign.status == store.FAILED)
+    taken, counts = np.unique(done.passes, return_counts=True)
+    meanings, raised = campaign.reason.flag_meanings.split(), campaign.attrs.get("exceptions", {})
+    ratio = done.innovation_ratio
+    beyond = (ratio < ratio.chance_lower) | (ratio > ratio.chance_upper)
+    return {
+        "passes_taken": {str(p): int(n) for p, n in zip(taken, counts, strict=True)},
+        "failures": {
+            str(run): raised.get(str(run), meanings[reason].replace("_", " "))
+            for run, reason in zip(failed.run.values, failed.reason.values, strict=True)
+        },
+        "runs_contradicted": int(beyond.sum()),
+    }
 
 
 def as_json(dataset: xr.Dataset) -> str:

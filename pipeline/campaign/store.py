@@ -24,10 +24,10 @@ from inscal.statistics import rmse_half_width_relative
 from pipeline.config.load import resolved, run_settings
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
-from pipeline.console.errors import DataError
+from pipeline.console.errors import DataError, FailedRunsError
 
 if TYPE_CHECKING:
-    from inscal.experiment import Outcome
+    from pipeline.campaign.worker import Batch
 
 NOT_RUN, DONE, FAILED = 0, 1, 2
 """Values of ``status``."""
@@ -114,14 +114,22 @@ def _attributes(path: Path) -> dict:
 
 def _template(config: Config, predicted_std: np.ndarray, path: Path) -> None:
     """Write a store without any runs, in place of an unfinished one."""
-    import dask.array  # for a new store alone
+    import dask.array  # for a new store alone, like what compiles
 
+    from inscal.convergence import REASONS, chance_limits
+    from inscal.motion import update_count
+
+    updates = update_count(Setup(config).schedule, config.estimator.update_interval_s)
+    lower, upper = chance_limits(updates)
     runs = config.campaign.runs
     chunk = -(-runs // _CHUNKS)
 
     def lazy(dims, shape, fill, attrs):
         chunks = (chunk, *shape[1:])
         return dims, dask.array.full(shape, fill, chunks=chunks, dtype=type(fill)), attrs
+
+    def whole(fill, attrs):  # in one file
+        return ("run",), dask.array.full(runs, fill, chunks=runs, dtype=type(fill)), attrs
 
     per_parameter = {"units": "see coordinate unit"}
     both, table = ("run", "parameter"), (runs, COUNT)
@@ -143,6 +151,23 @@ def _template(config: Config, predicted_std: np.ndarray, path: Path) -> None:
                 (runs,),
                 np.int8(NOT_RUN),
                 {"flag_values": [0, 1, 2], "flag_meanings": "not_run done failed"},
+            ),
+            "passes": whole(np.int8(0), {"long_name": "passes made", "units": "1"}),
+            "reason": whole(
+                np.int8(0),
+                {
+                    "flag_values": list(range(len(REASONS))),
+                    "flag_meanings": " ".join(r.replace(" ", "_") or "none" for r in REASONS),
+                },
+            ),
+            "innovation_ratio": whole(
+                np.nan,
+                {
+                    "long_name": "squared innovations over their expectation",
+                    "units": "1",
+                    "chance_lower": lower,
+                    "chance_upper": upper,
+                },
             ),
             "predicted_std": (
                 "parameter",
@@ -180,32 +205,67 @@ def precision(store: zarr.Group, runs: int) -> float:
     return float(rmse_half_width_relative(np.asarray(_array(store, "error")[:runs])[done]).max())
 
 
-def write(store: zarr.Group, config: Config, results: "list[tuple[list[int], Outcome]]") -> None:
+def write(store: zarr.Group, config: Config, results: "list[tuple[list[int], Batch]]") -> None:
     """Write finished runs, neighbours together.
 
     Parameters
     ----------
     store : zarr.Group
     config : Config
-    results : list of (run numbers, outcome)
+    results : list of (run numbers, batch)
         Each of consecutive runs.
     """
+    from pipeline.campaign.worker import joined
+
     unit = Setup(config).unit
     results = sorted(results, key=lambda result: result[0][0])
     while results:
         count = 1
         while count < len(results) and results[count][0][0] == results[count - 1][0][-1] + 1:
             count += 1
-        joined, results = results[:count], results[count:]
-        part = slice(joined[0][0][0], joined[-1][0][-1] + 1)
-        truth = np.concatenate([outcome.truth for _, outcome in joined]) / unit
-        estimate = np.concatenate([outcome.estimate for _, outcome in joined]) / unit
-        failed = np.concatenate([outcome.failed for _, outcome in joined])
+        neighbours, results = results[:count], results[count:]
+        part = slice(neighbours[0][0][0], neighbours[-1][0][-1] + 1)
+        batch = joined([batch for _, batch in neighbours])
+        outcome = batch.outcome
+        truth, estimate = outcome.truth / unit, outcome.estimate / unit
         _array(store, "truth")[part] = truth
         _array(store, "estimate")[part] = estimate
         _array(store, "error")[part] = estimate - truth
-        _array(store, "nees")[part] = np.concatenate([outcome.nees for _, outcome in joined])
-        _array(store, "status")[part] = np.where(failed, FAILED, DONE).astype(np.int8)
+        for name in ("nees", "passes", "reason", "innovation_ratio"):
+            _array(store, name)[part] = getattr(outcome, name)
+        if batch.exceptions:
+            raised = {str(number): text for number, text in batch.exceptions.items()}
+            every = {**store.attrs.get("exceptions", {}), **raised}  # type: ignore[dict-item]
+            store.attrs["exceptions"] = {key: every[key] for key in sorted(every, key=int)}
+        _array(store, "status")[part] = np.where(outcome.failed, FAILED, DONE).astype(np.int8)
+
+
+def counts(store: zarr.Group) -> tuple[int, int]:
+    """Count the runs done, and those failed."""
+    status = np.asarray(_array(store, "status")[:])
+    return int((status == DONE).sum()), int((status == FAILED).sum())
+
+
+def refuse_failures(config: Config, done: int, failed: int) -> None:
+    """Raise if a campaign has more failed runs than are allowed.
+
+    Parameters
+    ----------
+    config : Config
+    done, failed : int
+        Numbers of runs.
+
+    Raises
+    ------
+    FailedRunsError
+        If more of them failed than `campaign.max_failed_share` allows.
+    """
+    allowed, made = config.campaign.max_failed_share, done + failed
+    if failed > allowed * made:
+        raise FailedRunsError(
+            f"{config.campaign.store}: {failed} of {made} runs failed, "
+            f"{100 * failed / made:.1f} %; campaign.max_failed_share allows {100 * allowed:g} %"
+        )
 
 
 def _array(store: zarr.Group, name: str) -> zarr.Array:

@@ -5,11 +5,12 @@ A module of its own, so that workers import it by name and keep their buffers fr
 
 import logging
 import threading
-from dataclasses import fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from inscal.convergence import NOT_FINITE
+from inscal.convergence import RAISED
 from inscal.experiment import Experiment, Outcome, run
 from inscal.parameters import COUNT
 from inscal.simulation import Workspace
@@ -31,8 +32,23 @@ def say_nothing_of_cancelled_batches() -> None:
     logging.getLogger("distributed.worker.state_machine").setLevel(logging.ERROR)
 
 
-def attempt(experiment: Experiment, runs: list[int]) -> Outcome:
-    """Outcome of a batch; an exception costs the run it comes from and no other.
+@dataclass(frozen=True)
+class Batch:
+    """What comes of a batch of runs.
+
+    Attributes
+    ----------
+    outcome : Outcome
+    exceptions : dict of int to str
+        What was raised, by the number of the run that it ended.
+    """
+
+    outcome: Outcome
+    exceptions: dict[int, str]
+
+
+def attempt(experiment: Experiment, runs: list[int]) -> Batch:
+    """Make a batch of runs; an exception costs the run it comes from and no other.
 
     Parameters
     ----------
@@ -41,28 +57,29 @@ def attempt(experiment: Experiment, runs: list[int]) -> Outcome:
 
     Returns
     -------
-    Outcome
+    Batch
     """
     workspace = getattr(_thread, "workspace", None)
     if workspace is None or not workspace.fits(experiment.motion):
         workspace = _thread.workspace = Workspace.of(experiment.motion)
     try:
-        return run(experiment, runs, workspace)
-    except Exception:
+        return Batch(run(experiment, runs, workspace), {})
+    except Exception as error:
         if len(runs) == 1:
-            return _nothing()
+            return Batch(_nothing(), {runs[0]: f"{type(error).__name__}: {error}"})
     return joined([attempt(experiment, [number]) for number in runs])
 
 
 def _nothing() -> Outcome:
     """Outcome of one run that an exception ended."""
-    nothing, nan = np.full((1, COUNT), np.nan), np.full(1, np.nan)
-    no_passes, raised = np.zeros(1, dtype=np.int64), np.full(1, NOT_FINITE)
-    return Outcome(nothing, nothing, nan, np.ones(1, dtype=bool), no_passes, raised)
+    row, nan = np.full((1, COUNT), np.nan), np.full(1, np.nan)
+    failed, no_passes = np.ones(1, dtype=bool), np.zeros(1, dtype=np.int64)
+    return Outcome(row, row, nan, failed, no_passes, np.full(1, RAISED), nan)
 
 
-def joined(outcomes: list[Outcome]) -> Outcome:
-    """Outcomes of some runs as one."""
-    return Outcome(
-        *(np.concatenate([getattr(o, f.name) for o in outcomes]) for f in fields(Outcome))
-    )
+def joined(batches: Sequence[Batch]) -> Batch:
+    """Several batches as one."""
+    every = [batch.outcome for batch in batches]
+    columns = (np.concatenate([getattr(one, f.name) for one in every]) for f in fields(Outcome))
+    raised = {number: text for batch in batches for number, text in batch.exceptions.items()}
+    return Batch(Outcome(*columns), raised)

@@ -20,6 +20,7 @@ from pipeline.console.errors import ConfigError
 Rule = tuple[Callable[[Any], bool], str]
 
 _MAX_ANGLE_STEP_DEG = 14.0  # inside inscal.rotation.MAX_STEP_ANGLE, where its series are exact
+_MOST_PASSES = 100
 _RATIO_TOLERANCE = 1e-9  # rounding of decimal seconds, as in 20.7 / 0.1
 
 _CLUSTER_KEYS: dict[str, tuple[str, ...]] = {
@@ -58,6 +59,7 @@ def check(config: Config, further: Mapping[str, Rule] = MappingProxyType({})) ->
     _check_kinds("estimator.initial_std", config.estimator.initial_std, POSITIVE)
     _check_kinds("bounds", config.bounds, POSITIVE)
     _check_schedule(config)
+    _check_passes(config)
     _check_states(config.estimator.states)
     _check_cluster(config)
     if config.only_run is not None and config.only_run >= config.campaign.runs:
@@ -141,12 +143,14 @@ _RULES: dict[str, Rule] = {
     "schedule.name": NAME,
     "schedule.position_duration_s": POSITIVE,
     "schedule.turn_rate_deg_per_s": POSITIVE,
-    # Beyond 89 deg the north reference of the laboratory degenerates.
-    "site.latitude_deg": (lambda v: abs(v) < 89.0, "a number between -89 and 89"),
+    # where north still is a direction: inscal.motion.Site
+    "site.latitude_deg": (lambda v: abs(v) <= 89.99, "a number from -89.99 to 89.99"),
     "site.height_m": (lambda v: -500.0 <= v <= 10000.0, "a number from -500 to 10000"),
     "simulation.dwell_step_s": POSITIVE,
     "simulation.turn_step_s": POSITIVE,
     "estimator.passes": PASSES,
+    "estimator.convergence_sigma": POSITIVE,
+    "estimator.innovation_limit": (lambda v: _is_number(v) and v > 1.0, "a finite number > 1"),
     "estimator.update_interval_s": POSITIVE,
     "estimator.initial_std.attitude_deg": TRIPLE_OF_POSITIVE,
     "estimator.initial_std.velocity_m_per_s": POSITIVE,
@@ -157,6 +161,7 @@ _RULES: dict[str, Rule] = {
     "campaign.seed": INDEX,
     "campaign.batch": COUNT,
     "campaign.store": STORE,
+    "campaign.max_failed_share": (lambda v: 0.0 <= v <= 1.0, "a number from 0 to 1"),
     "cluster.kind": one_of(*_CLUSTER_KEYS),
 }
 
@@ -239,6 +244,13 @@ def _check_rotation(key: str, rotation: object, config: Config) -> None:
             f"a turn shorter than schedule.position_duration_s, "
             f"{config.schedule.position_duration_s:g}; it takes {duration:g} s",
         )
+
+
+def _check_passes(config: Config) -> None:
+    fewest, most = config.estimator.passes, config.estimator.max_passes
+    if most is not None and not fewest <= most <= _MOST_PASSES:
+        allowed = f"null, or an integer from estimator.passes, which is {fewest}, to {_MOST_PASSES}"
+        _fail("estimator.max_passes", most, allowed)
 
 
 def _check_states(states: list[str]) -> None:

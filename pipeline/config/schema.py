@@ -136,7 +136,13 @@ class Estimator:
     Attributes
     ----------
     passes : int
-        How often it goes over the same data.
+        How often it goes over the same data at least.
+    max_passes : int or None
+        How often at most, until a run has converged; None: `passes` times, and no run is judged.
+    convergence_sigma : float
+        Change of every constant, in its sigmas, below which a run has converged.
+    innovation_limit : float
+        Times that a run's squared innovations may be what the filter expects, or it has failed.
     update_interval_s : float
         Time between observations.
     states : list of str
@@ -146,6 +152,9 @@ class Estimator:
     """
 
     passes: int = MISSING
+    max_passes: int | None = None
+    convergence_sigma: float = MISSING
+    innovation_limit: float = MISSING
     update_interval_s: float = MISSING
     states: list[str] = MISSING
     initial_std: InitialStd = field(default_factory=InitialStd)
@@ -185,6 +194,8 @@ class Campaign:
         Whether a store of another configuration in the way may be deleted.
     precision : float or None
         Relative half-width of all RMSE intervals at which to stop before `runs`.
+    max_failed_share : float
+        Share of the runs made that may fail; with more of them stages end with exit code 1.
     """
 
     runs: int = MISSING
@@ -193,6 +204,7 @@ class Campaign:
     store: str = MISSING
     replace: bool = MISSING
     precision: float | None = None
+    max_failed_share: float = MISSING
 
 
 @dataclass

@@ -6,6 +6,8 @@ many stages need no more than units and bounds.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 
 from inscal import parameters, units
 from pipeline.config.schema import Config, KindValues
+from pipeline.console.errors import ConfigError
 from pipeline.console.progress import note
 
 if TYPE_CHECKING:
@@ -132,9 +135,12 @@ class Setup:
     @cached_property
     def gains(self) -> Gains:
         """Gains and covariance of a first pass."""
-        from inscal.recursion import compute_gains
+        from inscal.recursion import compute_gains, refuse_degenerate
 
-        return compute_gains(self.transitions, self.model, self.noise, self.prior)
+        with _told():
+            gains = compute_gains(self.transitions, self.model, self.noise, self.prior)
+            refuse_degenerate(gains, self.model)
+        return gains
 
     @cached_property
     def experiment(self) -> Experiment:
@@ -146,21 +152,27 @@ class Setup:
 
         if not is_compiled("calibrator"):
             note("compiling the kernels, once: some ten seconds")
-        return prepare(
-            self.config.campaign.seed,
-            self.schedule,
-            self.site,
-            Truth(self.truth, self.noise, self.prior),
-            Belief(
-                self.noise,
-                self.prior,
-                passes=self.config.estimator.passes,
-                update_interval=self.config.estimator.update_interval_s,
-                model=self.model,
-            ),
-            dwell_step=self.config.simulation.dwell_step_s,
-            turn_step=self.config.simulation.turn_step_s,
+        about = self.config.estimator
+        belief = Belief(
+            self.noise,
+            self.prior,
+            passes=about.passes,
+            update_interval=about.update_interval_s,
+            model=self.model,
+            max_passes=about.max_passes,
+            convergence_sigma=about.convergence_sigma,
+            innovation_limit=about.innovation_limit,
         )
+        with _told():
+            return prepare(
+                self.config.campaign.seed,
+                self.schedule,
+                self.site,
+                Truth(self.truth, self.noise, self.prior),
+                belief,
+                dwell_step=self.config.simulation.dwell_step_s,
+                turn_step=self.config.simulation.turn_step_s,
+            )
 
     @cached_property
     def warnings(self) -> list[str]:
@@ -171,6 +183,16 @@ class Setup:
             f"warning: schedule.rotations never shows {direction}: {a} and {b} cannot be told apart"
             for a, b, direction in schedule.weak_pairs(self.schedule)
         ]
+
+
+@contextmanager
+def _told() -> Iterator[None]:
+    """Make a line for the user of what the library says of numbers that are right one by one."""
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            yield
+    except ValueError as error:
+        raise ConfigError(f"estimator.initial_std, noise: {error}") from None
 
 
 def parameter_vector(values: KindValues) -> NDArray[np.float64]:

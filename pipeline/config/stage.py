@@ -12,7 +12,7 @@ from omegaconf import DictConfig
 
 from pipeline.config.load import COMPOSE_ERRORS, PRODUCT, VERSION_BASE, Program, typed
 from pipeline.console import interrupts
-from pipeline.console.errors import ConfigError, DataError
+from pipeline.console.errors import ConfigError, DataError, FailedRunsError
 from pipeline.console.help import CONF, help_text, is_asked
 
 
@@ -20,6 +20,7 @@ def stage(main: Callable[[Any], None], program: Program = PRODUCT) -> Callable[[
     """Make a stage's main function a Hydra program, for ``python -m pipeline.<stage>``.
 
     The program ends with exit code 2 and one line on stderr after a `ConfigError` or `DataError`,
+    with exit code 1 after `FailedRunsError`,
     as `pipeline.console.interrupts` says after a signal; any other exception is a defect and keeps
     its traceback. With ``--help`` it prints `pipeline.console.help` of the module.
 
@@ -43,6 +44,8 @@ def stage(main: Callable[[Any], None], program: Program = PRODUCT) -> Callable[[
             main(typed(composed, sys.argv[1:], program))
         except (ConfigError, DataError) as error:
             _stop(str(error))
+        except FailedRunsError as error:
+            _stop(str(error), code=1)
         except Exception as error:
             defects.append(error)
             raise
@@ -67,6 +70,6 @@ def stage(main: Callable[[Any], None], program: Program = PRODUCT) -> Callable[[
     return run
 
 
-def _stop(line: str) -> NoReturn:
+def _stop(line: str, code: int = 2) -> NoReturn:
     print(f"error: {line}", file=sys.stderr)
-    raise SystemExit(2)
+    raise SystemExit(code)

@@ -5,5 +5,9 @@ class ConfigError(Exception):
     """A configuration that cannot be used."""
 
 
+class FailedRunsError(Exception):
+    """A campaign that more runs failed of than is allowed."""
+
+
 class DataError(Exception):
     """Files a stage cannot use."""

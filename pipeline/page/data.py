@@ -251,7 +251,7 @@ def course_of(campaign: Campaign, config: Config) -> Course:
     sigma = np.array(
         [
             experiment.estimator.gains(number).parameter_std[points] / unit
-            for number in range(experiment.estimator.passes)
+            for number in range(len(history.estimate))
         ]
     )
     error = (history.estimate[..., 0][:, points] - outcome.truth[0]) / unit

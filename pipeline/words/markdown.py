@@ -2,6 +2,8 @@
 
 from collections.abc import Iterable, Sequence
 
+_LARGE = 1e4
+
 
 def table(headings: Sequence[str], rows: Iterable[Sequence[str]], left: int) -> str:
     """Make a table, its first `left` columns aligned as text and the others as numbers."""
@@ -37,6 +39,11 @@ def named(names: Sequence[str]) -> str:
 def percent(share: float) -> str:
     """Write a share between 0 and 1 in percent."""
     return f"{100 * share:.1f} %"
+
+
+def number(value: float, decimals: int = 2) -> str:
+    """Write a number with some decimals; in scientific form where it is far too large for them."""
+    return f"{value:.{decimals}f}" if abs(value) < _LARGE else f"{value:.3g}"
 
 
 def share(value: float, lower: float, upper: float) -> str:

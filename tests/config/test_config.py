@@ -76,6 +76,8 @@ def test_one_pass_inherits_the_rest():
     two, one = (resolved(load([f"estimator={name}"])) for name in ("two_pass", "one_pass"))
     assert one["estimator"].pop("passes") == 1
     assert two["estimator"].pop("passes") == 2
+    assert one["estimator"].pop("max_passes") is None
+    assert two["estimator"].pop("max_passes") > 2
     assert one == two
 
 

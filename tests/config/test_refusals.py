@@ -58,7 +58,17 @@ BAD = [
     (["noise.velocity_observation_m_per_s=0"], "velocity_observation_m_per_s = 0.0: must be"),
     (["noise.name=a/b"], "noise.name = 'a/b': must be letters"),
     (["schedule.name=''"], "schedule.name = '': must be letters"),
-    (["site.latitude_deg=89"], "site.latitude_deg = 89.0: must be a number between -89 and 89"),
+    (
+        ["site.latitude_deg=-89.995"],
+        "site.latitude_deg = -89.995: must be a number from -89.99 to 89.99",
+    ),
+    (
+        ["estimator.max_passes=1"],
+        "estimator.max_passes = 1: must be null, or an integer from estimator.passes, which is 2",
+    ),
+    (["estimator.convergence_sigma=0"], "estimator.convergence_sigma = 0.0: must be a finite"),
+    (["estimator.innovation_limit=1"], "estimator.innovation_limit = 1.0: must be a finite number"),
+    (["campaign.max_failed_share=1.5"], "campaign.max_failed_share = 1.5: must be a number from 0"),
     (["site.latitude_deg=nan"], "site.latitude_deg = nan: must be"),
     (["site.height_m=10001"], "site.height_m = 10001.0: must be a number from -500 to 10000"),
     (["site.height_m=-501"], "site.height_m = -501.0: must be"),

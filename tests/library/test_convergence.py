@@ -8,7 +8,7 @@ from conftest import paper_schedule, paper_truth
 
 from inscal import convergence, parameters
 from inscal.calibrator import calibrate
-from inscal.convergence import BEYOND_CHANCE, NOT_CONVERGED, NOT_FINITE, REASONS
+from inscal.convergence import BEYOND_LIMIT, NOT_CONVERGED, NOT_FINITE, REASONS
 from inscal.estimator import CONSTANTS, Belief, build_estimator
 from inscal.experiment import prepare, run, run_with_history
 from inscal.kernel import LANES
@@ -192,30 +192,40 @@ def test_expected_change_tells_who_needs_a_further_pass():
 # verdicts
 
 
+def contradicted(experiment, outcome):
+    lower, upper = convergence.chance_limits(experiment.motion.updates)
+    return (outcome.innovation_ratio < lower) | (outcome.innovation_ratio > upper)
+
+
 def test_no_false_alarm_and_no_missed_one():
-    assert not run(experiment_on(), range(256)).failed.any()
-    outcome = run(experiment_on(met=louder(1.5)), range(64))
-    assert (outcome.reason == BEYOND_CHANCE).all()
-    assert outcome.failed.all()
-    assert np.isnan(outcome.nees).all()
-    outcome = run(experiment_on(met=louder(0.7)), range(64))
-    assert (outcome.reason == BEYOND_CHANCE).all()
+    experiment = experiment_on()
+    outcome = run(experiment, range(256))
+    assert not outcome.failed.any()
+    assert not contradicted(experiment, outcome).any()
+    for factor in (0.7, 1.5):
+        outcome = run(experiment_on(met=louder(factor)), range(64))
+        assert not outcome.failed.any()
+        assert contradicted(experiment, outcome).all()
+        assert outcome.innovation_ratio.mean() == pytest.approx(factor**2, rel=0.05)
 
 
-def test_innovations_are_chi_square_once_the_step_is_taken_off(monkeypatch):
-    seen = []
-    original = convergence.are_beyond_chance
+def test_a_run_beyond_the_limit_has_failed():
+    outcome = run(experiment_on(met=louder(3.0), innovation_limit=9.0), range(64))
+    over = outcome.innovation_ratio > 9.0
+    assert 0 < over.sum() < 64
+    assert (outcome.failed == over).all()
+    assert (outcome.reason == np.where(over, BEYOND_LIMIT, 0)).all()
+    assert np.isnan(outcome.nees[over]).all()
 
-    def spy(estimator, nis, tight_step, step):
-        weight = estimator.per_tight[:, None] ** 2
-        seen.append(nis - (weight * tight_step * step).sum(axis=0))
-        return original(estimator, nis, tight_step, step)
 
-    monkeypatch.setattr(convergence, "are_beyond_chance", spy)
+def test_runs_that_nobody_judges_have_no_ratio():
+    assert np.isnan(run(experiment_on(max_passes=None), range(4)).innovation_ratio).all()
+
+
+def test_innovations_are_chi_square_once_the_step_is_taken_off():
     experiment = experiment_on(passes=3)
-    run(experiment, range(512))
-    own, count = np.concatenate(seen), 6 * experiment.motion.updates
-    assert len(own) == 512
+    count = 6 * experiment.motion.updates
+    own = count * run(experiment, range(512)).innovation_ratio
     # the constants that the record tells are no longer among its degrees of freedom
     assert own.mean() == pytest.approx(count - CONSTANTS, abs=4 * np.sqrt(2 * count / 512) + 10)
     assert own.std() == pytest.approx(np.sqrt(2 * count), rel=0.15)
