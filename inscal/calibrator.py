@@ -178,9 +178,7 @@ class _Lanes:
         if lost.any():
             anew = lost & self._fresh
             self.parameter[:, anew] = 0.0
-            self.attitude = Rotation.from_quat(
-                np.where(anew[:, None], assumed.as_quat(), self.attitude.as_quat())
-            )
+            self.attitude[anew] = assumed[anew]  # and no other is as much as normalised again
             self.going &= ~lost | anew
             self._fresh &= ~lost
 

@@ -50,10 +50,10 @@ def print_summary(summary: xr.Dataset) -> None:
     print(
         f"all within bounds at once: {100 * float(summary.joint_share):.1f} % "
         f"({100 * float(summary.joint_share_lower):.1f} - "
-        f"{100 * float(summary.joint_share_upper):.1f} %) of {done + failed} runs, of which "
-        f"{failed} failed ({100 * failed / (done + failed):.1f} %) and miss every bound\n"
+        f"{100 * float(summary.joint_share_upper):.1f} %) of {done + failed} runs\n"
+        f"failed: {failed} runs ({100 * failed / (done + failed):.1f} %), which miss every bound\n"
         f"of the {done} runs that converged: NEES mean {number(float(summary.nees_mean))}, "
-        f"consistent if in {float(summary.nees_lower):.2f} ... {float(summary.nees_upper):.2f}; "
+        f"consistent if in {float(summary.nees_lower):.2f} ... {float(summary.nees_upper):.2f},\n"
         f"RMSE known to {100 * float(summary.precision):.1f} %"
     )
     for line in verdicts(summary.attrs):
@@ -67,7 +67,7 @@ def verdicts(about: Mapping[str, Any]) -> list[str]:
     if about.get("runs_contradicted"):
         lines.append(f"innovations contradict the filter in {about['runs_contradicted']} runs")
     why = Counter(about.get("failures", {}).values())
-    return [*lines, *(f"failed: {count} runs, {reason}" for reason, count in why.items())]
+    return [*lines, *(f"why {count} runs failed: {reason}" for reason, count in why.items())]
 
 
 @stage

@@ -50,11 +50,11 @@ def campaigns(tmp_path_factory):
     folder = tmp_path_factory.mktemp("campaigns")
     make(folder / "two_pass")
     make(folder / "one_pass", "estimator=one_pass")
-    make(folder / "classic", "estimator.states=[gyro_bias,accel_bias,gyro_k,accel_k]")
+    make(folder / "classic", "estimator=states30")
     make(folder / "other_seed", "campaign.seed=1")
     make(folder / "other_truth", "truth=uniform")
     make(folder / "other_unit", "sensor.quadratic_unit=si")
-    make(folder / "diverging", "truth.accel_quadratic_1e_9=4000")
+    make(folder / "diverging", "truth.accel_quadratic_1e_9=4000", "campaign.max_failed_share=1")
     return folder
 
 
@@ -155,6 +155,7 @@ def test_summarize_writes_csv_and_json_and_nothing_else(cwd, campaigns):
     assert set(content) == {
         *("confidence", "campaign", "seed", "passes", "truth", "schedule", "noise"),
         *("quadratic_unit", "failed_runs", "runs_done", "runs_failed", "precision"),
+        *("passes_taken", "failures", "runs_contradicted"),
         *("joint_share", "joint_share_lower", "joint_share_upper"),
         *("nees_mean", "nees_lower", "nees_upper", "parameters"),
     }
@@ -210,7 +211,7 @@ def test_summarize_judges_by_the_bounds_it_is_given(campaigns):
 
 def test_summarize_counts_failed_runs(campaigns):
     ended = run_stage(summarize, f"campaign.store={campaigns / 'diverging'}")
-    assert ended.code == 0
+    assert ended.code == 1
     dataset = store.read(campaigns / "diverging")
     failed = dataset.run[dataset.status == store.FAILED].values.tolist()
     assert 0 < len(failed) < 30
@@ -218,7 +219,11 @@ def test_summarize_counts_failed_runs(campaigns):
     assert content["runs_failed"] == len(failed)
     assert content["failed_runs"] == failed
     assert content["runs_done"] == 30 - len(failed)
-    assert f"runs failed {len(failed)};" in ended.out
+    assert content["failures"].keys() == {str(run) for run in failed}
+    assert sum(content["passes_taken"].values()) == 30 - len(failed)
+    share = f"{100 * len(failed) / 30:.1f} %"
+    assert f"failed: {len(failed)} runs ({share}), which miss every bound" in ended.out
+    assert f"of the {30 - len(failed)} runs that converged: NEES mean" in ended.out
 
 
 def test_summarize_an_unfinished_campaign_says_so(tmp_path):

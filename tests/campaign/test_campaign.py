@@ -20,14 +20,15 @@ from campaigns import (
     wait_until,
 )
 
+from inscal.convergence import REASONS
 from inscal.kernel import LANES
 from inscal.parameters import COUNT
-from pipeline import simulate
+from pipeline import simulate, summarize
 from pipeline.campaign import driver, store, worker
 from pipeline.config.setup import Setup
 from pipeline.console import progress
 
-DIVERGING = "truth.accel_quadratic_1e_9=4000"
+DIVERGING = ("truth.accel_quadratic_1e_9=4000", "campaign.max_failed_share=1")
 """So large that in some runs no specific force explains what the sensor reports."""
 
 _run = worker.run
@@ -50,7 +51,7 @@ def breaking_run(experiment, runs, workspace):
 def diverging(tmp_path_factory):
     """Stderr and store of a campaign of which some runs diverge."""
     path = tmp_path_factory.mktemp("diverging") / "campaign"
-    return path, run_stage(simulate, *SHORT, DIVERGING, f"campaign.store={path}")
+    return path, run_stage(simulate, *SHORT, *DIVERGING, f"campaign.store={path}")
 
 
 # one result whatever computes it
@@ -204,9 +205,13 @@ def test_diverging_runs_are_recorded_and_named(diverging):
         assert np.isnan(dataset[name].sel(run=failed)).all()
         assert np.isfinite(dataset[name][dataset.status == store.DONE]).all()
     assert np.isfinite(dataset.truth).all()
+    for name in ("passes", "reason"):
+        assert (dataset[name].sel(run=failed) > 0).all()
     named = [line for line in error_lines(ended) if "failed" in line]
     assert named == [
-        f"campaign: run {run} failed (seed 20260101); repeat with only_run={run}" for run in failed
+        f"campaign: run {run} failed: {REASONS[dataset.reason.values[run]]} (seed 20260101); "
+        f"repeat with only_run={run}"
+        for run in failed
     ]
     assert error_lines(ended)[-1].startswith("campaign: 30 of 30 runs, ")
 
@@ -214,7 +219,7 @@ def test_diverging_runs_are_recorded_and_named(diverging):
 @pytest.mark.parametrize("batch", [1, 7])
 def test_diverging_runs_do_not_touch_their_neighbours(tmp_path, diverging, batch):
     # in batches of one, all runs of a batch fail
-    path = make(tmp_path / "campaign", DIVERGING, f"campaign.batch={batch}")
+    path = make(tmp_path / "campaign", *DIVERGING, f"campaign.batch={batch}")
     assert_same_store(path, diverging[0])
 
 
@@ -222,7 +227,7 @@ def test_a_diverging_run_can_be_repeated_alone(tmp_path, diverging):
     dataset = store.read(diverging[0])
     run = int(dataset.run[dataset.status == store.FAILED][0])
     file = tmp_path / "run.nc"
-    assert run_stage(simulate, *SHORT, DIVERGING, f"only_run={run}", f"out={file}").code == 0
+    assert run_stage(simulate, *SHORT, *DIVERGING, f"only_run={run}", f"out={file}").code == 0
     with xr.open_dataset(file, engine="scipy") as course:
         assert np.isnan(course.final_estimate).all()
         # the course says when
@@ -234,15 +239,32 @@ def test_an_exception_in_a_run_costs_this_run_only(tmp_path, monkeypatch, short_
     monkeypatch.setattr(worker, "run", breaking_run)
     path = tmp_path / "campaign"
     ended = run_stage(simulate, *SHORT, f"campaign.batch={batch}", f"campaign.store={path}")
-    assert ended.code == 0
-    assert f"run {BROKEN} failed (seed 20260101); repeat with only_run={BROKEN}" in ended.err
+    assert ended.code == 1  # 1 of 30 is more than a per cent
+    why = "FloatingPointError: a defect of one run"
+    assert f"run {BROKEN} failed: {why} (seed 20260101); repeat with only_run={BROKEN}" in ended.err
     dataset, whole = store.read(path), store.read(short_store)
+    assert dataset.attrs["exceptions"] == {str(BROKEN): why}
     assert dataset.run[dataset.status != store.DONE].values.tolist() == [BROKEN]
     assert dataset.status.sel(run=BROKEN) == store.FAILED
     assert np.isnan(dataset.estimate.sel(run=BROKEN)).all()
     others = dataset.run != BROKEN
     for name in ("truth", "estimate", "error", "nees"):
         assert dataset[name][others].values.tobytes() == whole[name][others].values.tobytes()
+
+
+@pytest.mark.parametrize(("allowed", "code"), [(None, 1), (0.9999, 0)])
+def test_more_failed_runs_than_allowed_end_a_stage_with_exit_code_1(diverging, allowed, code):
+    path, _ = diverging
+    share = [] if allowed is None else [f"campaign.max_failed_share={allowed}"]
+    for stage in (simulate, summarize):
+        ended = run_stage(stage, *SHORT, DIVERGING[0], f"campaign.store={path}", *share)
+        assert ended.code == code
+        failed = int((store.read(path).status == store.FAILED).sum())
+        line = (
+            f"error: {path}: {failed} of 30 runs failed, {100 * failed / 30:.1f} %; "
+            "campaign.max_failed_share allows 1 %"
+        )
+        assert (line in ended.err) == (code == 1)
 
 
 # progress

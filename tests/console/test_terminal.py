@@ -136,7 +136,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     make("two_pass")
     make("one_pass", "estimator=one_pass")
-    make("diverging", "truth.accel_quadratic_1e_9=4000")
+    make("diverging", "truth.accel_quadratic_1e_9=4000", "campaign.max_failed_share=1")
     return tmp_path
 
 
