@@ -7,7 +7,7 @@ import numpy as np
 
 from inscal.observability import STATES
 from inscal.parameters import KINDS, NAMES, members
-from inscal.statistics import nominal_coverage
+from inscal.statistics import nominal_coverage, normal_quantile
 from pipeline.charts import style
 from pipeline.config.schema import Config
 from pipeline.page import charts as page_charts
@@ -19,11 +19,9 @@ from pipeline.study import findings
 from pipeline.study import observability as observe
 from pipeline.study.campaign import Campaign
 from pipeline.study.claims import Claims
-from pipeline.study.findings import RATIO_BAND, Summary
+from pipeline.study.findings import ENOUGH, RATIO_BAND, Summary
 
 _SMALL, _LARGE = 110, 150  # heights of histograms, in pixels
-_CHANCE = 1.96  # standard errors that 95 % of the correlations of unrelated errors stay within
-_FACTOR = 2.5758  # sigmas that hold the share ENOUGH of normal errors
 _PLAIN = 1e4  # numbers from which on powers of ten are easier to read
 _STAIRS = ("dwells alone", "turns on gyros and lever arms")
 
@@ -129,7 +127,7 @@ def convergence(campaign: Campaign, course: Course) -> Section:
     table = campaign.summary["parameters"]
     bound = np.array([table[name]["bound"] for name in NAMES])
     share = course.sigma[-1] / bound
-    needed = 1.0 / _FACTOR
+    needed = 1.0 / normal_quantile(ENOUGH)
     charts = {}
     for kind in KINDS:
         own = [index for index in members(kind) if share[-1, index] > 0.0]
@@ -234,8 +232,8 @@ def panels(campaign: Campaign, course: Course | None) -> tuple[dict[str, Spec], 
     """
     charts: dict[str, Spec] = {}
     texts: dict[str, Any] = {}
-    count = campaign.summary["runs_done"]
-    chance = _CHANCE / np.sqrt(count)
+    # what 95 % of the correlations of unrelated errors keep
+    chance = normal_quantile(0.95) / np.sqrt(campaign.summary["runs_done"])
     rows = page_data.correlations(campaign, course.covariance if course else None)
     for index, (name, unit) in enumerate(zip(NAMES, page_data.units(campaign), strict=True)):
         found = page_data.distribution(campaign, index)
