@@ -170,6 +170,21 @@ def top_keys() -> list[Key]:
     return list(_keys("", Config, load([]), comments))
 
 
+def wing_groups() -> Iterator[tuple[str, type, list[Key]]]:
+    """Name, schema class and keys of the groups that ``conf/paper.yaml`` adds, if it is there."""
+    path = _ROOT / "conf/paper.yaml"
+    if not path.exists():
+        return
+    from pipeline.config.load import PRODUCT, load
+    from pipeline.paper.config import PROGRAM
+
+    values, comments = load([], PROGRAM), remarks(path.read_text())
+    schema = typing.get_type_hints(PROGRAM.schema)
+    for group in [name for name in schema if name not in typing.get_type_hints(PRODUCT.schema)]:
+        own = schema[group]
+        yield group, own, list(_keys(group, own, getattr(values, group), comments))
+
+
 def configuration_text() -> str:
     """Markdown of the configuration reference."""
     parts = []
@@ -177,11 +192,18 @@ def configuration_text() -> str:
         named = ", ".join(
             f"`{name}`" + (" (default)" if name == choice else "") for name in choices
         )
-        first = (inspect.getdoc(schema) or "").split("\n\n")[0].replace("\n", " ")
-        parts += [f"## {group}", f"{first}", f"Choices: {named}."]
+        parts += [f"## {group}", _first(schema), f"Choices: {named}."]
         parts.append(_table(keys_of(group, schema, choice)))
     parts += ["## Keys of no group", _table(top_keys())]
+    for group, schema, keys in wing_groups():
+        where = f"In `conf/paper.yaml`, read by `pipeline.paper_{group}` alone."
+        parts += [f"## {group}", _first(schema), where, _table(keys)]
     return "\n\n".join(parts) + "\n"
+
+
+def _first(schema: type) -> str:
+    """First paragraph of the docstring of a class."""
+    return (inspect.getdoc(schema) or "").split("\n\n")[0].replace("\n", " ")
 
 
 def _table(keys: list[Key]) -> str:

@@ -9,25 +9,14 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from pipeline.campaign import store
-from pipeline.campaign.judged import summary
 from pipeline.charts import campaigns as plots
 from pipeline.charts import style
-from pipeline.charts.campaigns import Campaign
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.progress import track
-from pipeline.study import findings, names
+from pipeline.study import campaign, findings, names
 
 FOLDER = Path("results/figures")
-
-
-def load(config: Config, name: str) -> Campaign:
-    """Load a campaign by the name of its store; DataError if it is missing or empty."""
-    path = names.RUNS / name
-    campaign = store.read(path)
-    judged = summary(config, path, campaign)
-    return Campaign(store.done(campaign), judged, campaign.attrs["configuration"])
 
 
 def draw_all(config: Config) -> dict[str, Figure]:
@@ -43,10 +32,10 @@ def draw_all(config: Config) -> dict[str, Figure]:
     dict of str to Figure
         By file name.
     """
-    levels = {name: load(config, name) for name in names.MAIN_LEVELS}
+    levels = {name: campaign.read(config, names.RUNS / name) for name in names.MAIN_LEVELS}
     noises = {level.configuration["noise"]["name"]: level for level in levels.values()}
     reference = levels[names.MAIN]
-    passes = {1: load(config, names.ONE_PASS), 2: reference}
+    passes = {1: campaign.read(config, names.RUNS / names.ONE_PASS), 2: reference}
     comparisons = {
         title: findings.read_comparison(name) for name, title in names.COMPARISONS.items()
     }

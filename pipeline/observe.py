@@ -25,16 +25,17 @@ from pipeline.console.errors import ConfigError
 from pipeline.console.output import complain, write_text
 from pipeline.console.terminal import new_table, say, show
 from pipeline.study.observability import (
-    _FEW,
     CONVENTIONS,
     TIED,
-    Course,
-    course_of,
+    Observability,
     direction_text,
+    observability_of,
     rank_counts,
     share_table,
     tied_text,
 )
+
+_FEW = 8  # positions in the table of sigmas
 
 
 def print_ranks(config: Config) -> None:
@@ -56,19 +57,19 @@ def _both(by_default: int, unit_free: int) -> str:
     return str(by_default) if by_default == unit_free else f"{by_default} ({unit_free} unit-free)"
 
 
-def print_course(config: Config, course: Course) -> None:
+def print_sigmas(config: Config, found: Observability) -> None:
     """Print how each sigma falls, the weakest combinations and the tied pairs."""
-    count = len(course.share)
+    count = len(found.share)
     chosen = sorted({round(n) for n in np.linspace(1, count, min(count, _FEW))})
     table = new_table(("parameter",), tuple(map(str, chosen)))
-    for name, share in zip(NAMES, course.share.T, strict=True):
+    for name, share in zip(NAMES, found.share.T, strict=True):
         table.add_row(name, *(f"{share[number - 1]:.2g}" for number in chosen))
     show(f"\nsigma over initial sigma after position ...: {config.schedule.name}", table)
     print("Least known combinations:")
-    for direction in course.directions:
+    for direction in found.directions:
         say(f"  {direction_text(direction)}", indent="    ")
     print(f"Tied pairs, correlation of {TIED:g} or more:")
-    for text in [*map(tied_text, course.tied)] or ["none"]:
+    for text in [*map(tied_text, found.tied)] or ["none"]:
         print(f"  {text}")
 
 
@@ -79,11 +80,11 @@ def main(config: Config) -> None:
         raise ConfigError(f"out = {config.out!r}: must be a CSV file; the heat map goes beside it")
     complain(Setup(config).warnings)
     print_ranks(config)
-    course = course_of(config)
-    print_course(config, course)
+    found = observability_of(config)
+    print_sigmas(config, found)
     if config.out:
-        write_text(config.out, share_table(course))
-        figure = sigma_heat_map(course.share, f"{config.schedule.name}, {config.noise.name} noise")
+        write_text(config.out, share_table(found))
+        figure = sigma_heat_map(found.share, f"{config.schedule.name}, {config.noise.name} noise")
         style.save(figure, Path(config.out).with_suffix(".png"))
 
 

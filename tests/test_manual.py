@@ -159,7 +159,10 @@ def test_every_key_of_the_configuration_has_a_meaning(extension):
     for group, schema, choice, choices in extension.groups():
         assert choice in choices
         keys |= {key.name: key for key in extension.keys_of(group, schema, choice)}
+    keys |= {key.name: key for _, _, own in extension.wing_groups() for key in own}
     assert [name for name, key in keys.items() if not key.meaning] == []
+    wing = yaml.safe_load((ROOT / "conf/paper.yaml").read_text())
+    assert flat(wing["effects"], "effects") | flat(wing["laboratory"], "laboratory") <= set(keys)
     for path in (ROOT / "conf").glob("*/*.yaml"):
         assert flat(yaml.safe_load(path.read_text()), path.parent.name) <= set(keys), path
     for name, key in keys.items():
@@ -169,6 +172,8 @@ def test_every_key_of_the_configuration_has_a_meaning(extension):
     assert all(f"`{name}`" in text for name in keys)
     assert keys["noise.gyro_angle_random_walk_deg_per_sqrt_h"].unit == "deg/√h"
     assert keys["schedule.position_duration_s"].default == "`500.0`"
+    assert (keys["effects.swing_axis"].default, keys["effects.swing_axis"].unit) == ("`Z`", "")
+    assert keys["effects.vibration_rate_hz"].unit == "Hz"
 
 
 def flat(tree: dict, prefix: str) -> set[str]:

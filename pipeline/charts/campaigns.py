@@ -4,44 +4,23 @@ Each takes what it draws and gives back a figure to save; no file is read or wri
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from scipy import stats
 
-from inscal.parameters import KIND_OF, KINDS, NAMES
-from pipeline.charts import style
+from inscal.parameters import KIND_OF, KINDS, NAMES, members
+from pipeline.charts import density, style
 from pipeline.study import findings
+from pipeline.study.campaign import Campaign
 
 _SPACING = 0.25  # rows between two campaigns drawn in one row
 _BELOW = 0.3  # rows from a ratio down to its prediction
 _BINS = 30
 _FILL = 0.45  # opacity of histograms
 _NEES_VIEW = 8  # NEES histograms end at this many degrees of freedom
-
-
-@dataclass(frozen=True)
-class Campaign:
-    """A campaign to draw: its runs done, its summary and its configuration."""
-
-    runs: xr.Dataset
-    summary: xr.Dataset
-    configuration: Mapping[str, Any]
-
-    @property
-    def error(self) -> np.ndarray:
-        """Errors, shape (runs, 27), in paper units."""
-        return self.runs["error"].transpose("run", "parameter").to_numpy()
-
-    @property
-    def passes(self) -> int:
-        """Passes of the filter."""
-        return self.configuration["estimator"]["passes"]
 
 
 @style.styled
@@ -84,19 +63,19 @@ def errors_against_bounds(campaigns: Mapping[str, Campaign]) -> Figure:
 
 
 def _bound_texts(campaign: Campaign) -> list[str]:
-    bound = campaign.summary["bound"].to_numpy()
+    bound = campaign.table["bound"].to_numpy()
     texts = []
     for kind in KINDS:
-        own = sorted({f"{b:g}" for b, k in zip(bound, KIND_OF, strict=True) if k == kind})
-        texts.append(f"bound {', '.join(own)} {style.unit_text(kind, _quadratic_unit(campaign))}")
+        own = sorted({f"{b:g}" for b in bound[members(kind)]})
+        texts.append(f"bound {', '.join(own)} {style.unit_text(kind, campaign.quadratic_unit)}")
     return texts
 
 
 def _draw_quantiles(axes: Axes, campaign: Campaign, offset: float, color: str) -> None:
     order = list(style.ORDER)
-    bound = campaign.summary["bound"].to_numpy()
+    bound = campaign.table["bound"].to_numpy()
     median = np.median(np.abs(campaign.error), axis=0)
-    points = [median, *(campaign.summary[f"abs_error_{p}"].to_numpy() for p in ("p95", "p997"))]
+    points = [median, *(campaign.table[f"abs_error_{p}"].to_numpy() for p in ("p95", "p997"))]
     low, middle, high = ((point / bound)[order] for point in points)
     rows = np.array(style.row_positions()) + offset
     axes.hlines(rows, low, high, color=color, linewidth=1.2)
@@ -164,8 +143,8 @@ def error_distributions(campaign: Campaign) -> Figure:
 
 def _draw_distribution(axes: Axes, campaign: Campaign, index: int) -> None:
     error = campaign.error[:, index]
-    sigma = float(campaign.summary["predicted_std"][index])
-    bound = float(campaign.summary["bound"][index])
+    sigma = float(campaign.table["predicted_std"][index])
+    bound = float(campaign.table["bound"][index])
     view = 1.05 * max(np.abs(error).max(), 4.0 * sigma)
     edges = np.linspace(-view, view, _BINS + 1)
     axes.hist(
@@ -173,11 +152,11 @@ def _draw_distribution(axes: Axes, campaign: Campaign, index: int) -> None:
     )
     if sigma > 0.0:
         x = np.linspace(-view, view, 201)
-        axes.plot(x, stats.norm.pdf(x, scale=sigma), color=style.PREDICTION_COLOR)
+        axes.plot(x, density.normal(x, sigma), color=style.PREDICTION_COLOR)
     if bound < view:
         for end in (-bound, bound):
             axes.axvline(end, color=style.LIMIT_COLOR, linestyle="--", linewidth=1.2)
-    unit = style.unit_text(KIND_OF[index], _quadratic_unit(campaign))
+    unit = style.unit_text(KIND_OF[index], campaign.quadratic_unit)
     beyond = 100.0 * (np.abs(error) > bound).mean()
     axes.set_title(
         f"{style.label(index)} [{unit}]\nbound ±{bound:g}: {beyond:.1f} % of runs beyond",
@@ -226,11 +205,11 @@ def predicted_against_empirical(campaigns: Mapping[int, Campaign]) -> Figure:
 
 
 def _draw_ratios(axes: Axes, campaign: Campaign, offset: float, passes: int) -> None:
-    order, summary = list(style.ORDER), campaign.summary
+    order, table = list(style.ORDER), campaign.table
     # 0 where the filter does not model the parameter: nothing to draw there
-    sigma = summary["predicted_std"].where(summary["predicted_std"] > 0.0)
+    sigma = table["predicted_std"].where(table["predicted_std"] > 0.0)
     ratio, lower, upper = (
-        (summary[name] / sigma).to_numpy()[order] for name in ("rmse", "rmse_lower", "rmse_upper")
+        (table[name] / sigma).to_numpy()[order] for name in ("rmse", "rmse_lower", "rmse_upper")
     )
     axes.errorbar(
         ratio,
@@ -260,7 +239,7 @@ def nees(campaigns: Mapping[int, Campaign]) -> Figure:
     figure = Figure(figsize=(10, 5.5))
     axes = figure.subplots()
     first = next(iter(campaigns.values()))
-    dof = int((first.summary["predicted_std"] > 0.0).sum())
+    dof = int((first.table["predicted_std"] > 0.0).sum())
     view = _NEES_VIEW * dof
     edges = np.linspace(0.0, view, 2 * _BINS + 1)
     for passes, campaign in campaigns.items():
@@ -277,7 +256,7 @@ def nees(campaigns: Mapping[int, Campaign]) -> Figure:
         )
     x = np.linspace(0.0, view, 400)
     chi_square = f"chi-square with {dof} degrees of freedom: mean {dof}"
-    axes.plot(x, stats.chi2.pdf(x, dof), color=style.LIMIT_COLOR, label=chi_square)
+    axes.plot(x, density.chi_square(x, dof), color=style.LIMIT_COLOR, label=chi_square)
     axes.set_xlim(0.0, view)
     axes.set_xlabel("NEES of a run (normalised estimation error squared)")
     axes.set_ylabel("density")
@@ -371,10 +350,6 @@ def _draw_comparison(axes: Axes, comparison: Mapping[str, Any]) -> None:
     axes.plot(column("ratio"), rows, "o", color=style.SCHEDULE_COLOR, markersize=4.5)
     below = [row + _BELOW for row in rows]
     axes.plot(column("predicted_ratio"), below, "D", color=style.PREDICTION_COLOR, markersize=3.5)
-
-
-def _quadratic_unit(campaign: Campaign) -> str:
-    return campaign.configuration["sensor"]["quadratic_unit"]
 
 
 def _setup_text(campaign: Campaign) -> str:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from inscal.parameters import KIND_OF, KINDS, NAMES
+from inscal.parameters import KIND_OF, KINDS, NAMES, members
 from pipeline.console.output import written
 
 styled = mpl.rc_context(
@@ -42,9 +42,7 @@ _KIND_TEXTS = {kind: kind.replace("_", " ").replace("accel", "accel.", 1) for ki
 _UNIT_TEXTS = {"deg/h": "°/h", "ug": "µg"}
 _QUADRATIC_TEXTS = {"pulse": "10⁻⁹ s/pulse", "si": "10⁻⁹ s²/m"}
 
-ORDER: tuple[int, ...] = tuple(
-    index for kind in KINDS for index, other in enumerate(KIND_OF) if other == kind
-)
+ORDER: tuple[int, ...] = tuple(int(index) for kind in KINDS for index in members(kind))
 """Indices of the parameters in the order of the figures: by kind."""
 
 
@@ -99,7 +97,7 @@ def draw_rows(axes: Axes, margin_texts: Sequence[str] = ()) -> None:
     """
     rows = row_positions()
     for number, kind in enumerate(KINDS):
-        own = [row for row, index in zip(rows, ORDER, strict=True) if KIND_OF[index] == kind]
+        own = [rows[ORDER.index(index)] for index in members(kind)]
         pad = 0.5 + _KIND_GAP / 2
         if number % 2 == 0:
             axes.axhspan(own[0] - pad, own[-1] + pad, color=_BAND_COLOR, linewidth=0, zorder=0)

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any, NoReturn
 
 from inscal.directions import DIRECTIONS
-from inscal.parameters import GROUPS, KIND_OF
+from inscal.parameters import GROUPS, members
 from pipeline.config.schema import KIND_KEYS, Config
 from pipeline.console.errors import ConfigError
 
@@ -187,7 +187,7 @@ _OPTIONAL_RULES: dict[str, Rule] = {
 def _check_kinds(prefix: str, group: object, rule: Rule) -> None:
     accepts, allowed = rule
     for kind, key in KIND_KEYS.items():
-        value, count = getattr(group, key), KIND_OF.count(kind)
+        value, count = getattr(group, key), len(members(kind))
         numbers = value if isinstance(value, list) else [value]
         right_length = not isinstance(value, list) or len(value) == count
         if not (right_length and all(accepts(number) for number in numbers)):

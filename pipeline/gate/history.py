@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from inscal.parameters import KIND_OF, KINDS
+from inscal.parameters import KINDS, members
 from pipeline.console.errors import DataError
 from pipeline.console.output import write_text
 
@@ -78,9 +78,9 @@ def row_of(
     """
     ratio = {}
     for kind in KINDS:
-        own = (np.array(KIND_OF) == kind) & (predicted_std > 0.0)
+        own = [index for index in members(kind) if predicted_std[index] > 0.0]
         score = error[:, own] / predicted_std[own]
-        ratio[kind] = float(np.sqrt(np.mean(score**2))) if own.any() else float("nan")
+        ratio[kind] = float(np.sqrt(np.mean(score**2))) if own else float("nan")
     mean = float(np.mean(nees))
     return Row(date, reason, len(error), mean, ratio, digest(configuration))
 

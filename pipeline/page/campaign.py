@@ -6,64 +6,52 @@ from typing import Any
 import numpy as np
 
 from inscal.observability import STATES
-from inscal.parameters import KIND_OF, KINDS, NAMES
-from inscal.statistics import nominal_coverage
+from inscal.parameters import KINDS, NAMES, members
+from inscal.statistics import nominal_coverage, normal_quantile
 from pipeline.charts import style
 from pipeline.config.schema import Config
 from pipeline.page import charts as page_charts
 from pipeline.page import data as page_data
 from pipeline.page.charts import Rows, Spec
-from pipeline.page.data import Campaign, Course
-from pipeline.page.parts import Picture, Section
+from pipeline.page.data import Course
+from pipeline.page.parts import ENOUGH_TEXT, Picture, Section, kind_words, say
 from pipeline.study import findings
 from pipeline.study import observability as observe
+from pipeline.study.campaign import Campaign
 from pipeline.study.claims import Claims
 from pipeline.study.findings import ENOUGH, RATIO_BAND, Summary
-from pipeline.words import markdown as md
 
 _SMALL, _LARGE = 110, 150  # heights of histograms, in pixels
-_CHANCE = 1.96  # standard errors that 95 % of the correlations of unrelated errors stay within
-_FACTOR = 2.5758  # sigmas that hold the share ENOUGH of normal errors
 _PLAIN = 1e4  # numbers from which on powers of ten are easier to read
 _STAIRS = ("dwells alone", "turns on gyros and lever arms")
 
 
 def distributions(campaign: Campaign) -> Section:
     """Make the section of all parameters' histograms."""
-    table = campaign.summary["parameters"]
+    table, units = campaign.summary["parameters"], page_data.units(campaign)
     charts, beyond_view = {}, 0
     for index in style.ORDER:
         name = NAMES[index]
         found = page_data.distribution(campaign, index)
         beyond_view += found["bound"] > found["view"]
-        below = f"bound ±{found['bound']:g}{_sigmas(campaign, index)}"
         charts[f"distribution-{name}"] = page_charts.distribution(
-            found, style.label(index), below, campaign.units[index], _SMALL
+            found, style.label(index), _bound_text(campaign, index), units[index], _SMALL
         )
     least = findings.least_within(campaign.summary)
-    worst = table[least]
-    missed = (
-        f"the bound most often missed is {md.code(least)}'s, in "
-        f"{md.percent(1.0 - worst['share_within_bound'])} of runs"
-        if worst["share_within_bound"] < 1.0
-        else "no error is beyond its bound"
-    )
-    sentence = (
-        f"Errors of {campaign.summary['runs_done']} runs (bars) with the normal curve that the "
-        f"filter predicts and the bounds (dashed): {missed}, and {beyond_view} of {len(table)} "
-        "bounds lie so far out that their picture does not reach them."
-    )
-    return Section(
+    sentence = say(
         "distributions",
-        "How the errors are distributed",
-        pictures=[Picture(sentence, charts, "small")],
+        runs=campaign.summary["runs_done"],
+        missed=1.0 - table[least]["share_within_bound"],
+        least=least,
+        beyond=beyond_view,
+        count=len(table),
     )
+    return Section("distributions", pictures=[Picture(sentence, charts, "small")])
 
 
-def _sigmas(campaign: Campaign, index: int) -> str:
-    sigma = campaign.predicted_std[index]
+def _bound_text(campaign: Campaign, index: int) -> str:
     bound = campaign.summary["parameters"][NAMES[index]]["bound"]
-    return f" is {bound / sigma:.3g} sigma" if sigma > 0.0 else ", not estimated"
+    return say("bound", bound=bound, sigma=campaign.predicted_std[index])
 
 
 def sigmas(campaigns: Sequence[Campaign]) -> Section:
@@ -75,20 +63,17 @@ def sigmas(campaigns: Sequence[Campaign]) -> Section:
             lower, upper = map(page_data.rounded, findings.ratio_interval(table[name]))
             row = {"parameter": name, "campaign": campaign.name, "ratio": page_data.rounded(ratio)}
             rows.append(row | {"lower": lower, "upper": upper})
-    low, high = RATIO_BAND
     outside = [
-        f"{len(findings.dishonest_parameters(c.summary))} of "
-        f"{findings.degrees_of_freedom(c.summary)} parameters of {md.code(c.name)}"
-        for c in campaigns
+        {
+            "name": campaign.name,
+            "outside": len(findings.dishonest_parameters(campaign.summary)),
+            "count": findings.degrees_of_freedom(campaign.summary),
+        }
+        for campaign in campaigns
     ]
-    sentence = (
-        "RMSE over the sigma the filter predicts, with 95 % intervals: wholly outside the band "
-        f"from {low:.2f} to {high:.2f} of an honest sigma lie those of {', '.join(outside)}."
-    )
+    sentence = say("ratios", band=RATIO_BAND, campaigns=outside)
     spec = page_charts.ratios(rows, [campaign.name for campaign in campaigns])
-    return Section(
-        "sigma", "Predicted against empirical sigma", pictures=[Picture(sentence, {"ratios": spec})]
-    )
+    return Section("sigma", pictures=[Picture(sentence, {"ratios": spec})])
 
 
 def nees(campaigns: Sequence[Campaign]) -> Section:
@@ -101,21 +86,25 @@ def nees(campaigns: Sequence[Campaign]) -> Section:
         below = f"; {found['beyond']} runs beyond {found['view']:g}" if found["beyond"] else ""
         charts[f"nees-{number}"] = page_charts.nees(found, campaign.name, mean_text + below)
         texts.append(
-            f"{md.code(campaign.name)} is {findings.honesty(summary)}, its {mean_text} where "
-            f"{dof} is right and {summary['nees_lower']:.2f} to {summary['nees_upper']:.2f} "
-            "is chance"
+            {
+                "name": campaign.name,
+                "honesty": findings.honesty(summary),
+                "mean": mean_text,
+                "right": dof,
+                "lower": summary["nees_lower"],
+                "upper": summary["nees_upper"],
+            }
         )
-    sentence = (
-        "NEES of every run (bars) against the chi-square curve of an honest filter: "
-        f"{'; '.join(texts)}."
-    )
-    return Section("nees", "NEES", pictures=[Picture(sentence, charts, "small wide")])
+    sentence = say("nees", campaigns=texts)
+    return Section("nees", pictures=[Picture(sentence, charts, "small wide")])
 
 
-def contest_section(title: str, comparisons: Sequence[tuple[str, Summary]]) -> Section:
-    """Make the section of paired comparisons, each with its heading."""
+def contest_section(
+    comparisons: Sequence[tuple[str, Summary]], heading: str = "", left_out: str = ""
+) -> Section:
+    """Make the section of paired comparisons, each with its title."""
     pictures = []
-    for number, (heading, comparison) in enumerate(comparisons):
+    for number, (title, comparison) in enumerate(comparisons):
         rows = []
         for name, row in comparison["parameters"].items():
             lower, upper = row["simultaneous_lower"], row["simultaneous_upper"]
@@ -125,16 +114,12 @@ def contest_section(title: str, comparisons: Sequence[tuple[str, Summary]]) -> S
             rounded = {key: page_data.rounded(value) for key, value in numbers.items()}
             rows.append({"parameter": name, "word": word, **rounded})
         result = findings.contest(comparison)
-        spec = page_charts.contest(
-            rows, heading, [f"RMSE of {result.a}", f"over RMSE of {result.b}"]
-        )
-        verdict = findings.contest_verdict(result)
-        sentence = (
-            f"RMSE of {comparison['runs_paired']} paired runs, pink marks being the ratio that the "
-            f"filters predict: {verdict}"
+        spec = page_charts.contest(rows, title, [f"RMSE of {result.a}", f"over RMSE of {result.b}"])
+        sentence = say(
+            "contest", pairs=comparison["runs_paired"], verdict=findings.contest_verdict(result)
         )
         pictures.append(Picture(sentence, {f"contest-{number}": spec}))
-    return Section("schedules", title, pictures=pictures)
+    return Section("schedules", pictures=pictures, left_out=left_out, heading=heading)
 
 
 def convergence(campaign: Campaign, course: Course) -> Section:
@@ -142,10 +127,10 @@ def convergence(campaign: Campaign, course: Course) -> Section:
     table = campaign.summary["parameters"]
     bound = np.array([table[name]["bound"] for name in NAMES])
     share = course.sigma[-1] / bound
-    needed = 1.0 / _FACTOR
+    needed = 1.0 / normal_quantile(ENOUGH)
     charts = {}
     for kind in KINDS:
-        own = [i for i, other in enumerate(KIND_OF) if other == kind and share[-1, i] > 0.0]
+        own = [index for index in members(kind) if share[-1, index] > 0.0]
         rows = [
             {
                 "parameter": NAMES[index],
@@ -157,27 +142,20 @@ def convergence(campaign: Campaign, course: Course) -> Section:
             if row % 2 == 0 or row == len(course.time_s) - 1
         ]
         if rows:
-            title = kind.replace("_", " ")
-            charts[f"convergence-{kind}"] = page_charts.convergence(rows, needed, title)
-    good = int(((share[-1] <= needed) & (share[-1] > 0.0)).sum())
-    modelled = int((share[-1] > 0.0).sum())
-    sentence = (
-        "Sigma that the filter predicts over the bound, a line per parameter, in its last pass: "
-        f"at the end {good} of {modelled} are below {needed:.2f} (dashed), where normal errors "
-        f"keep their bound in {100 * ENOUGH:g} % of runs."
+            spec = page_charts.convergence(rows, needed, kind_words(kind))
+            charts[f"convergence-{kind}"] = spec
+    sentence = say(
+        "convergence",
+        good=int(((share[-1] <= needed) & (share[-1] > 0.0)).sum()),
+        modelled=int((share[-1] > 0.0).sum()),
+        needed=needed,
+        enough=ENOUGH_TEXT,
     )
     return Section(
         "convergence",
-        "How the sigmas converge",
         pictures=[Picture(sentence, charts, "small")],
-        lines=() if course.as_stored else (_OTHER_VERSION,),
+        lines=() if course.as_stored else (say("other_code"),),
     )
-
-
-_OTHER_VERSION = (
-    "The courses over time come from this version of the code, which does not repeat the run of "
-    "the store: the campaign was made by another version."
-)
 
 
 def observability(config: Config, wing: Claims | None) -> Section:
@@ -199,23 +177,18 @@ def observability(config: Config, wing: Claims | None) -> Section:
         counts = observe.rank_counts(config, observe.CONVENTIONS[name])[0].rank
         rows += [{"by": name, "position": n + 1, "rank": int(r)} for n, r in enumerate(counts)]
         full = np.flatnonzero(counts == STATES)
-        where = f" from position {full[0] + 1} on" if len(full) else " at the end"
-        lasts.append(f"{counts[-1]} of {STATES}{where} with {name}")
+        lasts.append({"name": name, "rank": counts[-1], "full": full[0] + 1 if len(full) else None})
     series = list(_STAIRS)
     ranks = _paper_ranks(config, wing) if wing else ()
     if ranks:
         series.append("the paper's Table 2")
         rows += [{"by": series[-1], "position": n + 1, "rank": r} for n, r in enumerate(ranks)]
-        lasts.append(f"{ranks[-1]} in the paper")
     stairs = Picture(
-        f"Rank of the stripped observability matrix, position by position: {', '.join(lasts)}.",
+        say("ranks", lasts=lasts, states=STATES, paper=ranks[-1] if ranks else None),
         {"ranks": page_charts.ranks(rows, series, STATES)},
     )
-    return Section(
-        "observability",
-        "What each position makes observable",
-        pictures=(stairs, _share_picture(page_data.sigma_share(config))),
-    )
+    share = observe.observability_of(config).share
+    return Section("observability", pictures=(stairs, _share_picture(share)))
 
 
 def _paper_ranks(config: Config, wing: Claims) -> Sequence[int]:
@@ -237,11 +210,7 @@ def _share_picture(share: np.ndarray) -> Picture:
         for position in range(len(share))
     ]
     least = max(known, key=lambda index: share[-1, index])
-    sentence = (
-        "Predicted sigma over the initial one after each position, dark being little known and "
-        f"light well known: the least gained is {md.code(NAMES[least])}, with "
-        f"{100 * share[-1, least]:.2g} % of its initial sigma left."
-    )
+    sentence = say("shares", least=NAMES[least], left=100 * share[-1, least])
     return Picture(sentence, {"shares": page_charts.shares(rows)})
 
 
@@ -263,10 +232,10 @@ def panels(campaign: Campaign, course: Course | None) -> tuple[dict[str, Spec], 
     """
     charts: dict[str, Spec] = {}
     texts: dict[str, Any] = {}
-    count = campaign.summary["runs_done"]
-    chance = _CHANCE / np.sqrt(count)
+    # what 95 % of the correlations of unrelated errors keep
+    chance = normal_quantile(0.95) / np.sqrt(campaign.summary["runs_done"])
     rows = page_data.correlations(campaign, course.covariance if course else None)
-    for index, (name, unit) in enumerate(zip(NAMES, campaign.units, strict=True)):
+    for index, (name, unit) in enumerate(zip(NAMES, page_data.units(campaign), strict=True)):
         found = page_data.distribution(campaign, index)
         charts[f"panel-{name}"] = page_charts.distribution(found, "", "", unit, _LARGE)
         charts[f"correlation-{name}"] = page_charts.correlation(rows[index], chance)
@@ -276,7 +245,7 @@ def panels(campaign: Campaign, course: Course | None) -> tuple[dict[str, Spec], 
             "title": f"{style.label(index)} ({name})",
             "charts": [[f"panel-{name}"], [f"correlation-{name}"], list(own)],
             "sentences": [
-                _distribution_sentence(campaign, index, found),
+                _distribution_sentence(campaign, index, unit, found),
                 _correlation_sentence(rows[index], chance),
                 _course_sentence(course, index, unit),
             ],
@@ -284,25 +253,27 @@ def panels(campaign: Campaign, course: Course | None) -> tuple[dict[str, Spec], 
     return charts, texts
 
 
-def _distribution_sentence(campaign: Campaign, index: int, found: dict[str, Any]) -> str:
-    row = campaign.summary["parameters"][NAMES[index]]
-    view = "" if found["bound"] <= found["view"] else ", outside the picture"
-    return (
-        f"Errors of {campaign.summary['runs_done']} runs (bars) and the normal curve that the "
-        f"filter predicts: RMSE {row['rmse']:.3g} {campaign.units[index]}, predicted sigma "
-        f"{row['predicted_std']:.3g}; the bound ±{row['bound']:g}{_sigmas(campaign, index)}{view}."
+def _distribution_sentence(campaign: Campaign, index: int, unit: str, found: dict[str, Any]) -> str:
+    return say(
+        "panel_distribution",
+        runs=campaign.summary["runs_done"],
+        row=campaign.summary["parameters"][NAMES[index]],
+        unit=unit,
+        bound=_bound_text(campaign, index),
+        in_view=found["bound"] <= found["view"],
     )
 
 
 def _correlation_sentence(rows: Rows, chance: float) -> str:
     first = rows[0]
-    found, claimed = (_correlation_text(first[key]) for key in ("errors", "filter"))
-    outside = sum(abs(row["errors"] or 0.0) > chance for row in rows)
-    return (
-        "Correlation with the other parameters' errors (bars), beside what the filter's covariance "
-        f"claims (marks): strongest with {first['other']}, {found} found and {claimed} claimed; "
-        f"{outside} of {len(rows)} are beyond ±{chance:.2f} (shaded), which 95 % of unrelated "
-        "errors keep."
+    return say(
+        "panel_correlation",
+        other=first["other"],
+        found=_correlation_text(first["errors"]),
+        claimed=_correlation_text(first["filter"]),
+        outside=sum(abs(row["errors"] or 0.0) > chance for row in rows),
+        count=len(rows),
+        chance=chance,
     )
 
 
@@ -334,16 +305,15 @@ def _courses(course: Course, index: int, unit: str) -> dict[str, Spec]:
 
 def _course_sentence(course: Course | None, index: int, unit: str) -> str:
     if course is None:
-        return "The course over time is left out: the campaign cannot be repeated."
+        return say("panel_course", passes=0)
     sigma, error = course.sigma[-1, :, index], course.error[-1, :, index]
-    if not sigma[-1] > 0.0:
-        return "The filter does not estimate this parameter: it has no course."
-    several = "; the last step takes back the prior that a later pass counts again"
-    once = several if len(course.sigma) > 1 else ""
-    inside = np.mean(np.abs(error) <= sigma)
-    return (
-        f"Error of run {course.run} (line) within plus and minus the predicted sigma (shaded), "
-        f"pass by pass, up on a symmetric logarithmic scale{once}: it ends at {error[-1]:.2g} "
-        f"{unit} where sigma is {sigma[-1]:.2g}, and inside for {100 * inside:.0f} % of the last "
-        f"pass (of many runs, {100 * nominal_coverage(1):.0f} % are at any time)."
+    return say(
+        "panel_course",
+        passes=len(course.sigma),
+        run=course.run,
+        error=error[-1],
+        sigma=sigma[-1],
+        unit=unit,
+        inside=np.mean(np.abs(error) <= sigma),
+        nominal=nominal_coverage(1),
     )

@@ -84,6 +84,19 @@ def _series(field: str, names: Sequence[str]) -> tuple[alt.Color, alt.Shape]:
     )
 
 
+def _parameters(**axis: Any) -> alt.Y:
+    """Make an axis of the parameters in their order."""
+    return alt.Y("parameter:N", sort=list(NAMES), axis=alt.Axis(title=None, **axis))
+
+
+def _ratio(title: str) -> alt.X:
+    return alt.X(
+        "ratio:Q",
+        scale=alt.Scale(type="log", nice=False, padding=8),
+        axis=alt.Axis(title=f"{title} (logarithmic)", format="~g"),
+    )
+
+
 def _histogram(bars: Rows, quantity: str) -> alt.Chart:
     return (
         alt.Chart(_data(bars))
@@ -150,30 +163,19 @@ def course(rows: Rows, ticks: Sequence[float], linear: float, title: str, unit: 
     """
     scale = alt.Scale(type="symlog", constant=linear, nice=False)
     values = [*(-tick for tick in ticks), 0.0, *ticks]
-    y = alt.Y(
-        "low:Q",
-        scale=scale,
-        axis=alt.Axis(title=f"error, {unit}", values=values, format="~g"),
-    )
+    axis = alt.Axis(title=f"error, {unit}", values=values, format="~g")
+    y = alt.Y("low:Q", scale=scale, axis=axis)
     x = alt.X("time_s:Q", scale=_TIME, axis=alt.Axis(title="time, s", grid=False, tickCount=5))
     base = alt.Chart(_data(rows)).transform_calculate(low="-datum.sigma")
     band = base.mark_area(color=ORANGE, opacity=0.3, line=False).encode(x=x, y=y, y2="sigma:Q")
-    line = base.mark_line(color=BLUE, strokeWidth=1.5).encode(
-        x=x,
-        y=alt.Y("error:Q"),
-    )
+    line = base.mark_line(color=BLUE, strokeWidth=1.5).encode(x=x, y=alt.Y("error:Q"))
     return _spec(_sized(band + line, 125, _title(title)))
 
 
 def ratios(rows: Rows, series: Sequence[str]) -> Spec:
     """RMSE over predicted sigma, a row per parameter, with intervals."""
     color, shape = _series("campaign", series)
-    y = alt.Y("parameter:N", sort=list(NAMES), axis=alt.Axis(title=None, grid=True))
-    x = alt.X(
-        "ratio:Q",
-        scale=alt.Scale(type="log", nice=False, padding=8),
-        axis=alt.Axis(title="RMSE over predicted sigma (logarithmic)", format="~g"),
-    )
+    x, y = _ratio("RMSE over predicted sigma"), _parameters(grid=True)
     offset = alt.YOffset("campaign:N", sort=list(series))
     base = alt.Chart(_data(rows))
     tips = [
@@ -218,17 +220,13 @@ def nees(found: Mapping[str, Any], title: str, below: str) -> Spec:
 
 def contest(rows: Rows, title: str, below: Sequence[str]) -> Spec:
     """RMSE ratio of two campaigns, a row per parameter, with intervals that hold for all."""
-    y = alt.Y("parameter:N", sort=list(NAMES), axis=alt.Axis(title=None, grid=True))
-    x = alt.X(
-        "ratio:Q",
-        scale=alt.Scale(type="log", nice=False, padding=8),
-        axis=alt.Axis(title="RMSE ratio (logarithmic)", format="~g"),
-    )
+    x, y = _ratio("RMSE ratio"), _parameters(grid=True)
     words = ["worse", "no difference shown", "better"]
     scale = alt.Scale(domain=words, range=[ORANGE, QUIET, GREEN])
     shapes = alt.Scale(domain=words, range=["triangle-right", "circle", "triangle-left"])
     legend = alt.Legend(title=None)
     color = alt.Color("word:N", scale=scale, legend=legend)
+    shape = alt.Shape("word:N", scale=shapes, legend=legend)
     tips = [
         alt.Tooltip("parameter:N"),
         alt.Tooltip("ratio:Q", format=".3f"),
@@ -241,11 +239,7 @@ def contest(rows: Rows, title: str, below: Sequence[str]) -> Spec:
         _at(1.0),
         base.mark_rule(strokeWidth=2).encode(x=alt.X("lower:Q"), x2="upper:Q", y=y, color=color),
         base.mark_point(filled=True, size=60, opacity=1).encode(
-            x=x,
-            y=y,
-            color=color,
-            shape=alt.Shape("word:N", scale=shapes, legend=legend),
-            tooltip=tips,
+            x=x, y=y, color=color, shape=shape, tooltip=tips
         ),
         base.mark_tick(color=PINK, thickness=2, height=14).encode(x="predicted:Q", y=y),
     ]
@@ -314,7 +308,7 @@ def shares(rows: Rows) -> Spec:
         x=alt.X(
             "position:O", axis=alt.Axis(title="after position", labelAngle=0, labelOverlap=True)
         ),
-        y=alt.Y("parameter:N", sort=list(NAMES), axis=alt.Axis(title=None)),
+        y=_parameters(),
         color=color,
         tooltip=[
             alt.Tooltip("parameter:N"),

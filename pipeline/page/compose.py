@@ -28,23 +28,12 @@ from pipeline.page import origin as page_origin
 from pipeline.page import study as page_study
 from pipeline.page import verdict as page_verdict
 from pipeline.page.charts import THEME
-from pipeline.page.data import Campaign
-from pipeline.page.parts import Section
+from pipeline.page.parts import TEMPLATES, Section, say
 from pipeline.study import claims, findings, names
+from pipeline.study.campaign import Campaign, comparison
 from pipeline.study.claims import Claims
 
-_TITLES = {
-    "convergence": "How the sigmas converge",
-    "observability": "What each position makes observable",
-    "paper": "The paper, side by side",
-    "history": "Accuracy over time",
-    "schedules": "Campaigns against the first",
-}
 _STUDY_TITLE = "19 positions against 25"
-_NO_WING = (
-    f"Left out: there is no `{claims.PATH}`, which the reproduction of a paper leaves with its "
-    "claims."
-)
 
 
 @dataclass(frozen=True)
@@ -100,9 +89,11 @@ def study(config: Config) -> Page:
         "Calibration by Monte Carlo",
         [main, *(campaign for campaign in every if campaign is not main)],
         side_by_side=[main, one_pass],
-        schedules=page_campaign.contest_section(_STUDY_TITLE, comparisons),
+        schedules=page_campaign.contest_section(comparisons, _STUDY_TITLE),
         noise=page_study.noise(levels, wing),
-        paper_section=page_study.paper_section(wing) if wing else _left_out_paper(_NO_WING),
+        paper_section=page_study.paper_section(wing)
+        if wing
+        else Section("paper", left_out=say("no_wing", path=claims.PATH)),
         wing=wing,
     )
 
@@ -127,17 +118,13 @@ def campaigns(config: Config, paths: Sequence[str]) -> Page:
         If a store is missing or has fewer than two runs done.
     """
     every = page_data.read_campaigns(config, paths)
-    reason = (
-        "Left out: this page is of chosen campaigns; what the paper claims is judged on the page "
-        "of the study (python -m pipeline.report)."
-    )
     return _page(
         " · ".join(campaign.name for campaign in every),
         every,
         side_by_side=every,
         schedules=_against_first(every),
         noise=page_study.noise(every if _differ_in_noise(every) else [], None),
-        paper_section=_left_out_paper(reason),
+        paper_section=Section("paper", left_out=say("chosen_alone")),
         wing=claims.read(),
     )
 
@@ -163,7 +150,7 @@ def _page(
         ]
     else:
         names = ("convergence", "observability", "history")
-        from_config = [Section(n, _TITLES[n], left_out=f"Left out: {reason}.") for n in names]
+        from_config = [Section(name, left_out=f"Left out: {reason}.") for name in names]
     convergence, observability, over_time = from_config
     sections = [
         page_verdict.section(main),
@@ -186,30 +173,20 @@ def _page(
     return Page(title, page_verdict.headline(main.summary), notes, sections, charts, panels)
 
 
-def _left_out_paper(reason: str) -> Section:
-    return Section("paper", _TITLES["paper"], left_out=reason)
-
-
 def _against_first(every: Sequence[Campaign]) -> Section:
     """Make the section that compares further campaigns with the first, where they are pairs."""
     first, *others = every
     comparisons, reasons = [], []
     for campaign in others:
         try:
-            found = page_data.comparison(campaign, first)
+            found = comparison(campaign, first)
         except DataError as error:
             reasons.append(f"Left out: {error}.")
         else:
             comparisons.append((f"{campaign.name} against {first.name}", found))
     if not others:
-        reasons.append("Left out: there is no second campaign to compare with.")
-    section = page_campaign.contest_section(_TITLES["schedules"], comparisons)
-    return Section(
-        section.name,
-        section.title,
-        pictures=section.pictures,
-        left_out=" ".join(reasons),
-    )
+        reasons.append(say("no_second"))
+    return page_campaign.contest_section(comparisons, left_out=" ".join(reasons))
 
 
 def _differ_in_noise(every: Sequence[Campaign]) -> bool:
@@ -231,7 +208,7 @@ def html(page: Page) -> str:
     str
     """
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        loader=jinja2.FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

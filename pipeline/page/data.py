@@ -7,76 +7,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 from omegaconf.errors import OmegaConfBaseException
-from scipy import stats
 
 from inscal.experiment import run_with_history
 from inscal.parameters import KIND_OF, NAMES
-from pipeline.campaign import store
-from pipeline.campaign.judged import as_json, comparison_of, summary
-from pipeline.charts import style
+from pipeline.charts import density, style
 from pipeline.config.load import RUN_GROUPS, config_of, load, resolved
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
-from pipeline.console.errors import DataError
 from pipeline.console.help import CONF
-from pipeline.console.output import json_data
+from pipeline.page.parts import say
+from pipeline.study import campaign as campaigns
 from pipeline.study import findings
-from pipeline.study import observability as observe
-
-FEWEST = 2
-"""Runs done that a report needs: of one there is no scatter."""
+from pipeline.study.campaign import Campaign
 
 _BINS = 30
 _POINTS = 250  # of a course over time
 _CURVE = 61  # of a normal curve
 _SAME_ESTIMATE = 1e-6  # sigmas; other processors round differently
-
-
-@dataclass(frozen=True)
-class Campaign:
-    """A campaign that the page shows.
-
-    Attributes
-    ----------
-    path : Path
-        Of its store.
-    name : str
-        What the page calls it.
-    runs : xarray.Dataset
-        Runs done.
-    summary : summary
-    asked : int
-        Runs asked for.
-    """
-
-    path: Path
-    name: str
-    runs: xr.Dataset
-    summary: findings.Summary
-    asked: int
-
-    @property
-    def configuration(self) -> Mapping[str, Any]:
-        """Configuration it was made with."""
-        return self.runs.attrs["configuration"]
-
-    @property
-    def units(self) -> list[str]:
-        """Units of the 27 parameters, to be read."""
-        quadratic = self.configuration["sensor"]["quadratic_unit"]
-        return [style.unit_text(kind, quadratic) for kind in KIND_OF]
-
-    @property
-    def error(self) -> np.ndarray:
-        """Errors in paper units, shape (runs, 27)."""
-        return self.runs["error"].transpose("run", "parameter").to_numpy()
-
-    @property
-    def predicted_std(self) -> np.ndarray:
-        """Sigma the filter claims in paper units, shape (27,); 0 where it models nothing."""
-        return self.runs["predicted_std"].to_numpy()
 
 
 @dataclass(frozen=True)
@@ -121,45 +69,12 @@ def read_campaigns(config: Config, paths: Sequence[str | Path]) -> list[Campaign
     Raises
     ------
     DataError
-        Of `read_campaign`.
+        If a store is missing, or fewer than two runs in it are done.
     """
-    every = [read_campaign(config, path) for path in paths]
-    if len({campaign.name for campaign in every}) == len(every):
+    every = [campaigns.read(config, path, several=True) for path in paths]
+    if len({one.name for one in every}) == len(every):
         return every
-    return [replace(campaign, name=str(campaign.path)) for campaign in every]
-
-
-def read_campaign(config: Config, path: str | Path) -> Campaign:
-    """Read a campaign and judge it.
-
-    Parameters
-    ----------
-    config : Config
-        Gives the bounds.
-    path : str or Path
-        Campaign store.
-
-    Returns
-    -------
-    Campaign
-
-    Raises
-    ------
-    DataError
-        If there is no store, or fewer than two runs in it are done.
-    """
-    everything = store.read(path)
-    done = store.done(everything)
-    count, asked = done.sizes["run"], everything.sizes["run"]
-    if count < FEWEST:
-        raise DataError(f"campaign store {path}: {count} of {asked} runs done; a report needs two")
-    judged = json_data(as_json(summary(config, path, everything)))
-    return Campaign(Path(path), Path(path).name, done, judged, asked)
-
-
-def comparison(a: Campaign, b: Campaign) -> findings.Summary:
-    """Compare two campaigns as `pipeline.compare` does; DataError if they are no pair."""
-    return json_data(as_json(comparison_of(a.path, b.path)))
+    return [replace(one, name=str(one.path)) for one in every]
 
 
 def config_or_reason(campaign: Campaign) -> tuple[Config | None, str]:
@@ -167,25 +82,27 @@ def config_or_reason(campaign: Campaign) -> tuple[Config | None, str]:
     try:
         return config_of(campaign.configuration), ""
     except OmegaConfBaseException:
-        return None, "the campaign's configuration is of another version and cannot be rebuilt"
+        return None, say("of_another_version")
 
 
 def unfinished(campaign: Campaign) -> str:
     """Say that runs are missing and how to make them; nothing of a finished campaign."""
-    summary, settings = campaign.summary, campaign.configuration["campaign"]
-    made = summary["runs_done"] + summary["runs_failed"]
-    if made == campaign.asked:
+    summary, wanted = campaign.summary, campaign.configuration["campaign"]["precision"]
+    values = {
+        "name": campaign.name,
+        "made": summary["runs_done"] + summary["runs_failed"],
+        "asked": campaign.asked,
+    }
+    if values["made"] == campaign.asked:
         return ""
-    wanted = settings["precision"]
     if wanted is not None and summary["precision"] < wanted:
-        return (
-            f"{campaign.name}: stopped on purpose after {made} of at most {campaign.asked} runs; "
-            f"every RMSE is known to {100 * summary['precision']:.1f} %."
-        )
-    return (
-        f"{campaign.name}: {made} of {campaign.asked} runs done; the rest: "
-        f"{command(campaign.configuration, campaign.path)}"
-    )
+        return say("precise_enough", precision=summary["precision"], **values)
+    return f"{say('unfinished', **values)} {command(campaign.configuration, campaign.path)}"
+
+
+def units(campaign: Campaign) -> list[str]:
+    """Units of the 27 parameters, to be read."""
+    return [style.unit_text(kind, campaign.quadratic_unit) for kind in KIND_OF]
 
 
 def command(configuration: Mapping[str, Any], path: Path) -> str:
@@ -298,19 +215,21 @@ def distribution(campaign: Campaign, index: int) -> dict[str, Any]:
     if bound < 1.5 * view:
         view = max(view, 1.08 * bound)
     edges = np.linspace(-view, view, _BINS + 1)
-    count, _ = np.histogram(error, edges)
-    width = edges[1] - edges[0]
-    bars = [
-        {"from": rounded(left), "to": rounded(right), "runs": int(n)}
-        for left, right, n in zip(edges[:-1], edges[1:], count, strict=True)
-        if n
-    ]
+    bars = [bar for bar in _bars(error, edges) if bar["runs"]]
     curve: list[dict[str, Any]] = []
     if sigma > 0.0:
         x = np.linspace(-min(view, 4.5 * sigma), min(view, 4.5 * sigma), _CURVE)
-        y = len(error) * width * stats.norm.pdf(x, scale=sigma)
+        y = len(error) * (edges[1] - edges[0]) * density.normal(x, sigma)
         curve = [{"error": rounded(a), "runs": rounded(b)} for a, b in zip(x, y, strict=True)]
     return {"view": rounded(view), "bound": bound, "bars": bars, "curve": curve}
+
+
+def _bars(values: np.ndarray, edges: np.ndarray) -> list[dict[str, Any]]:
+    count, _ = np.histogram(values, edges)
+    return [
+        {"from": rounded(left), "to": rounded(right), "runs": int(n)}
+        for left, right, n in zip(edges[:-1], edges[1:], count, strict=True)
+    ]
 
 
 def correlations(campaign: Campaign, covariance: np.ndarray | None) -> list[list[dict[str, Any]]]:
@@ -362,20 +281,11 @@ def nees_histogram(campaign: Campaign) -> dict[str, Any]:
     values, dof = campaign.runs["nees"].to_numpy(), findings.degrees_of_freedom(campaign.summary)
     view = 4.0 * max(dof, 1)
     edges = np.linspace(0.0, view, 2 * _BINS + 1)
-    count, _ = np.histogram(values, edges)
     x = np.linspace(0.0, view, 2 * _CURVE)
-    y = len(values) * (edges[1] - edges[0]) * stats.chi2.pdf(x, dof)
+    y = len(values) * (edges[1] - edges[0]) * density.chi_square(x, dof)
     return {
-        "bars": [
-            {"from": rounded(left), "to": rounded(right), "runs": int(n)}
-            for left, right, n in zip(edges[:-1], edges[1:], count, strict=True)
-        ],
+        "bars": _bars(values, edges),
         "curve": [{"nees": rounded(a), "runs": rounded(b)} for a, b in zip(x, y, strict=True)],
         "beyond": int((values > view).sum()),
         "view": view,
     }
-
-
-def sigma_share(config: Config) -> np.ndarray:
-    """Sigma after each position over the initial one, shape (positions, 27)."""
-    return observe.course_of(config).share

@@ -8,9 +8,8 @@ import yaml
 from pipeline.campaign import provenance
 from pipeline.campaign.provenance import NOT_RECORDED
 from pipeline.config.load import RUN_GROUPS, differences
-from pipeline.page.data import Campaign
-from pipeline.page.parts import Section, Table, cells
-from pipeline.words import markdown as md
+from pipeline.page.parts import Section, Table, cells, say
+from pipeline.study.campaign import Campaign
 
 _SHOWN = (*RUN_GROUPS, "campaign", "bounds")
 
@@ -29,7 +28,6 @@ def section(campaigns: Sequence[Campaign]) -> Section:
     """
     main, *others = campaigns
     unknown = [campaign.name for campaign in campaigns if not provenance.sessions(campaign.path)]
-    line = f"Where and when the runs were made is {NOT_RECORDED} of {md.codes(unknown)}."
     settings = _settings(main)
     texts = {
         f"Full configuration of {main.name}": yaml.safe_dump(
@@ -43,8 +41,7 @@ def section(campaigns: Sequence[Campaign]) -> Section:
     software = main.runs.attrs["software"]
     return Section(
         "provenance",
-        "Provenance",
-        lines=[line] if unknown else [],
+        lines=[say("not_recorded", word=NOT_RECORDED, campaigns=unknown)] if unknown else [],
         tables=[
             _campaigns(campaigns),
             *([_sessions(campaigns)] if len(unknown) < len(campaigns) else []),

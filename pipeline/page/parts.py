@@ -2,28 +2,47 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from pipeline.page.charts import Spec
+from pipeline.study.findings import ENOUGH
+from pipeline.words.render import sentence
 
 GOOD, BAD, OPEN = "good", "bad", "open"
 """How a verdict is coloured, beside its words."""
 
+TEMPLATES = Path(__file__).parent / "templates"
+"""Folder of the page and of its sentences."""
 
-_SHORT = {
-    "verdict": "Verdict",
-    "distributions": "Errors",
-    "sigma": "Sigma",
-    "nees": "NEES",
-    "schedules": "Comparison",
-    "convergence": "Convergence",
-    "observability": "Observability",
-    "noise": "Noise",
-    "paper": "Paper",
-    "history": "History",
-    "provenance": "Provenance",
+_SECTIONS = {
+    "verdict": ("Verdict", "Verdict"),
+    "distributions": ("Errors", "How the errors are distributed"),
+    "sigma": ("Sigma", "Predicted against empirical sigma"),
+    "nees": ("NEES", "NEES"),
+    "schedules": ("Comparison", "Campaigns against the first"),
+    "convergence": ("Convergence", "How the sigmas converge"),
+    "observability": ("Observability", "What each position makes observable"),
+    "noise": ("Noise", "How much noise the bounds can bear"),
+    "paper": ("Paper", "The paper, side by side"),
+    "history": ("History", "Accuracy over time"),
+    "provenance": ("Provenance", "Provenance"),
 }
-"""Sections in their order, by name, and how the list of sections calls them."""
+"""Sections in their order, by name: how the list of sections calls them, and their heading."""
+
+
+ENOUGH_TEXT = f"{100 * ENOUGH:g} %"
+"""Share of runs in which a bound must hold."""
+
+
+def kind_words(kind: str) -> str:
+    """Kind of parameters in words."""
+    return kind.replace("_", " ")
+
+
+def say(block: str, /, **values: object) -> str:
+    """Fill in one of the page's sentences, a block of its ``sentences.md.jinja``."""
+    return sentence(TEMPLATES, block, **values)
 
 
 @dataclass(frozen=True)
@@ -96,8 +115,8 @@ class Section:
 
     Attributes
     ----------
-    name, title : str
-        Id and heading.
+    name : str
+        Its id.
     lines : sequence of str
         Paragraphs above pictures and tables.
     pictures : sequence of Picture
@@ -106,20 +125,27 @@ class Section:
         Why there is nothing in it, or less than there could be.
     preformatted : mapping of str to str
         Texts shown on demand, by their titles.
+    heading : str
+        If not the usual one.
     """
 
     name: str
-    title: str
     lines: Sequence[str] = ()
     pictures: Sequence[Picture] = ()
     tables: Sequence[Table] = ()
     left_out: str = ""
     preformatted: Mapping[str, str] = field(default_factory=dict)
+    heading: str = ""
+
+    @property
+    def title(self) -> str:
+        """Heading of the section."""
+        return self.heading or _SECTIONS[self.name][1]
 
     @property
     def short(self) -> str:
         """Text of the link to it."""
-        return _SHORT[self.name]
+        return _SECTIONS[self.name][0]
 
 
 def cells(texts: Sequence[Any]) -> list[Cell]:

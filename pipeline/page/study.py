@@ -6,21 +6,20 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from inscal import statistics
-from inscal.parameters import COUNT, KIND_OF, KINDS, NAMES
+from inscal.parameters import COUNT, KINDS, NAMES, members
 from pipeline.config.load import load
 from pipeline.config.schema import Config
 from pipeline.config.setup import parameter_vector
 from pipeline.gate import history
 from pipeline.gate.baseline import configuration_of
 from pipeline.page import charts as page_charts
-from pipeline.page.data import Campaign, rounded
-from pipeline.page.parts import Cell, Picture, Section, Table, cells
+from pipeline.page.data import rounded
+from pipeline.page.parts import ENOUGH_TEXT, Cell, Picture, Section, Table, cells, kind_words, say
 from pipeline.page.verdict import look
-from pipeline.study import findings
+from pipeline.study.campaign import Campaign
 from pipeline.study.claims import Claims
 from pipeline.study.findings import RATIO_BAND
 from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
-from pipeline.words import markdown as md
 
 _QUANTILE = "abs_error_p997"
 _LIMITS = {"gyro": "gyro noise", "accel": "accelerometer noise"}
@@ -45,10 +44,7 @@ def noise(campaigns: Sequence[Campaign], wing: Claims | None) -> Section:
         pictures.append(_noise_picture(campaigns))
     if wing:
         pictures.append(_margin_picture(wing.margins, wing.largest_noise))
-    reason = "" if pictures else "Left out: no two of the campaigns differ in their noise alone."
-    return Section(
-        "noise", "How much noise the bounds can bear", pictures=pictures, left_out=reason
-    )
+    return Section("noise", pictures=pictures, left_out="" if pictures else say("no_levels"))
 
 
 def _noise_picture(campaigns: Sequence[Campaign]) -> Picture:
@@ -56,23 +52,20 @@ def _noise_picture(campaigns: Sequence[Campaign]) -> Picture:
     for campaign in campaigns:
         table, inside = campaign.summary["parameters"], 0
         for kind in KINDS:
-            own = [name for name, other in zip(NAMES, KIND_OF, strict=True) if other == kind]
-            worst = max(table[name][_QUANTILE] / table[name]["bound"] for name in own)
+            own = [table[NAMES[index]] for index in members(kind)]
+            worst = max(row[_QUANTILE] / row["bound"] for row in own)
             inside += worst <= 1.0
-            label = {"kind": _words(kind), "series": campaign.name, "label": ""}
+            label = {"kind": kind_words(kind), "series": campaign.name, "label": ""}
             rows.append(label | {"value": rounded(worst)})
-        texts.append(f"{inside} of {len(KINDS)} kinds in {md.code(campaign.name)}")
+        texts.append((campaign.name, inside))
     spec = page_charts.scattered(
         rows,
         field="kind",
-        order=[_words(kind) for kind in KINDS],
+        order=[kind_words(kind) for kind in KINDS],
         series=[campaign.name for campaign in campaigns],
         axis="|error| of 99.7 % / bound",
     )
-    sentence = (
-        "What 99.7 % of errors stay below, over the bound (dashed at 1), for the worst parameter "
-        f"of each kind: it is within the bound for {', '.join(texts)}."
-    )
+    sentence = say("noise", campaigns=texts, kinds=len(KINDS))
     return Picture(sentence, {"noise": spec})
 
 
@@ -84,30 +77,25 @@ def _margin_picture(margins: Mapping[str, Mapping[str, float]], largest: float) 
             factor = row[sensor]
             label = "none" if factor == 0.0 else f"over {largest:g}" if factor > largest else ""
             value = min(max(factor, smallest), largest)
-            place = {"kind": _words(kind), "series": text, "label": label}
+            place = {"kind": kind_words(kind), "series": text, "label": label}
             rows.append(place | {"value": rounded(value)})
     spec = page_charts.scattered(
         rows,
         field="kind",
-        order=[_words(kind) for kind in margins],
+        order=[kind_words(kind) for kind in margins],
         series=list(_LIMITS.values()),
         axis="largest noise / configured noise",
     )
     least = min(margins, key=lambda kind: margins[kind]["gyro"])
-    tight = margins[least]["gyro"]
-    failing = sum(row["gyro"] < 1.0 for row in margins.values())
-    sentence = (
-        "The largest noise of one sensor, the other's unchanged, at which each bound holds in "
-        f"{100 * findings.ENOUGH:g} % of runs by the predicted sigma: the least gyro noise is "
-        f"borne by {_words(least)}, {tight:.2f} times the configured one, and {failing} of "
-        f"{len(margins)} kinds bear less than is configured ('none': the rest of the noise alone "
-        "is too much)."
+    sentence = say(
+        "margins",
+        enough=ENOUGH_TEXT,
+        least=kind_words(least),
+        tight=margins[least]["gyro"],
+        failing=sum(row["gyro"] < 1.0 for row in margins.values()),
+        count=len(margins),
     )
     return Picture(sentence, {"margins": spec})
-
-
-def _words(kind: str) -> str:
-    return kind.replace("_", " ")
 
 
 def paper_section(wing: Claims) -> Section:
@@ -130,8 +118,7 @@ def paper_section(wing: Claims) -> Section:
     counts = ", ".join(f"{words[word]} {word}" for word in (MET, NOT_MET, UNDECIDED))
     return Section(
         "paper",
-        "The paper, side by side",
-        lines=(f"Of {words.total()} claims judged: {counts}.",),
+        lines=(say("judged", total=words.total(), counts=counts),),
         pictures=[_paper_picture(wing.estimates)],
         tables=[*tables, _table_3(wing.estimates)],
     )
@@ -153,12 +140,11 @@ def _paper_picture(table: Mapping[str, Mapping[str, float]]) -> Picture:
         series=series,
         axis="error / the paper's bound",
     )
-    rms = math.sqrt(sum(score**2 for score in scores) / len(scores))
-    larger = sum(score > 1.0 for score in scores)
-    sentence = (
-        "Error of the paper's one simulated run and RMSE of ours with the same true errors, over "
-        f"the paper's bounds (dashed at 1): the paper's is the larger for {larger} of "
-        f"{len(scores)} parameters, {rms:.1f} times ours in the root mean square."
+    sentence = say(
+        "one_run",
+        larger=sum(score > 1.0 for score in scores),
+        count=len(scores),
+        rms=math.sqrt(sum(score**2 for score in scores) / len(scores)),
     )
     return Picture(sentence, {"paper": spec})
 
@@ -197,13 +183,10 @@ def accuracy_history(rows: Sequence[history.Row], campaign: Campaign, config: Co
     -------
     Section
     """
-    title = "Accuracy over time"
     if not (campaign.predicted_std > 0.0).all():
-        reason = "Left out: the filter leaves out parameters, as that of no baseline does."
-        return Section("history", title, left_out=reason)
+        return Section("history", left_out=say("fewer_states"))
     if not rows:
-        reason = "Left out: no baseline has been accepted yet (python -m pipeline.regress)."
-        return Section("history", title, left_out=reason)
+        return Section("history", left_out=say("no_baseline"))
     now = history.row_of(
         campaign.error,
         campaign.predicted_std,
@@ -218,15 +201,8 @@ def accuracy_history(rows: Sequence[history.Row], campaign: Campaign, config: Co
     charts = {"history-nees": _states("mean NEES", states, None, band, float(COUNT))}
     for kind in KINDS:
         if math.isfinite(now.ratio[kind]):
-            charts[f"history-{kind}"] = _states(_words(kind), states, kind, RATIO_BAND, 1.0)
-    same = "the same" if now.configuration == last.configuration else "another"
-    sentence = (
-        f"Mean NEES and RMSE over predicted sigma of each kind at {len(rows)} accepted "
-        f"{'baseline' if len(rows) == 1 else 'baselines'} (circles) and in "
-        f"{md.code(campaign.name)} now (diamond), which has {same} configuration and {now.runs} "
-        f"runs instead of {last.runs}: mean NEES {last.nees_mean:.2f} then, {now.nees_mean:.2f} "
-        f"now (shaded: chance at {last.runs} runs, and the band of an honest sigma)."
-    )
+            charts[f"history-{kind}"] = _states(kind_words(kind), states, kind, RATIO_BAND, 1.0)
+    sentence = say("history", count=len(rows), now=now, last=last)
     table = Table(
         "Baselines and the state now",
         ("date", "reason", "runs", "mean NEES", "configuration"),
@@ -236,7 +212,7 @@ def accuracy_history(rows: Sequence[history.Row], campaign: Campaign, config: Co
         ],
         2,
     )
-    return Section("history", title, pictures=[Picture(sentence, charts, "small")], tables=[table])
+    return Section("history", pictures=[Picture(sentence, charts, "small")], tables=[table])
 
 
 def _states(

@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from inscal.parameters import NAMES
-from pipeline.page.data import Campaign
-from pipeline.page.parts import BAD, GOOD, OPEN, Cell, Section, Table
+from pipeline.page.data import units
+from pipeline.page.parts import BAD, ENOUGH_TEXT, GOOD, OPEN, Cell, Section, Table, say
 from pipeline.study import findings
+from pipeline.study.campaign import Campaign
 from pipeline.study.findings import ENOUGH, HONEST, RATIO_BAND, Summary
 from pipeline.study.verdict import MET, NOT_MET, UNDECIDED, share_word
 from pipeline.words import markdown as md
@@ -23,7 +24,6 @@ _LOOKS = {
     **{MET: GOOD, NOT_MET: BAD, UNDECIDED: OPEN},
     **{HONEST: GOOD, TOO_SMALL: BAD, TOO_LARGE: BAD, NOT_ESTIMATED: OPEN},
 }
-_PERCENT = f"{100 * ENOUGH:g} %"
 
 
 def look(word: str) -> str:
@@ -47,9 +47,13 @@ def sigma_verdict(row: Mapping[str, float]) -> str:
 def headline(summary: Summary) -> str:
     """Say in a sentence whether all bounds are met at once, of all runs made."""
     made = summary["runs_done"] + summary["runs_failed"]
-    return (
-        f"The bounds are {findings.bounds_word(summary)}: all {len(summary['parameters'])} hold at "
-        f"once in {findings.joint_text(summary)} of {made} runs, where {_PERCENT} is asked for."
+    return say(
+        "headline",
+        word=findings.bounds_word(summary),
+        count=len(summary["parameters"]),
+        joint=findings.joint_text(summary),
+        made=made,
+        enough=ENOUGH_TEXT,
     )
 
 
@@ -70,14 +74,9 @@ def section(campaign: Campaign) -> Section:
     counts = ", ".join(f"{words[word]} {word}" for word in (MET, NOT_MET, UNDECIDED))
     return Section(
         "verdict",
-        "Verdict",
         lines=(
-            f"One by one, of {len(rows)} bounds: {counts}. A bound is {MET} if the whole 95 % "
-            f"interval of the share of runs within it is at or above {_PERCENT}, {NOT_MET} if it "
-            f"is below, and {UNDECIDED} from these runs if it spans {_PERCENT}.",
-            f"Sigma is {HONEST} unless the 95 % interval of RMSE over predicted lies wholly "
-            f"outside {RATIO_BAND[0]:.2f} to {RATIO_BAND[1]:.2f}. Choose a parameter for its "
-            "errors, correlations and convergence.",
+            say("one_by_one", count=len(rows), counts=counts, enough=ENOUGH_TEXT),
+            say("sigma_honest", band=RATIO_BAND),
         ),
         tables=(
             Table(
@@ -89,7 +88,7 @@ def section(campaign: Campaign) -> Section:
                 ),
                 [
                     _row(name, unit, rows[name])
-                    for name, unit in zip(NAMES, campaign.units, strict=True)
+                    for name, unit in zip(NAMES, units(campaign), strict=True)
                 ],
                 2,
                 name="parameters",

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from inscal.parameters import KIND_OF, KINDS, NAMES, UNITS
+from inscal.parameters import KINDS, NAMES, UNITS, members
 from pipeline.charts import style
 from pipeline.config.setup import Setup
 from pipeline.console.output import json_text
@@ -130,18 +130,15 @@ def _explained(study: Study) -> dict[str, Any]:
     found = study.explanation
     probability = kind_probability(study.paper_error, found.sigma)
     ratio = study.matched_rmse / found.sigma
+    sizes = study.paper_error, study.summary["rmse"].to_numpy(), found.sigma, study.matched_rmse
     rows = [
         (
             md.code(kind),
-            f"{_rms(study.paper_error[members]):.3g}",
-            f"{_rms(study.summary['rmse'].to_numpy()[members]):.3g}",
-            f"{_rms(found.sigma[members]):.3g}",
-            f"{_rms(study.matched_rmse[members]):.3g}",
+            *(f"{_rms(size[members(kind)]):.3g}" for size in sizes),
             KINDS[kind].unit,
             f"{100 * probability[kind]:.2f} %",
         )
         for kind in KINDS
-        for members in [np.array(KIND_OF) == kind]
     ]
     return {
         "found": found,
@@ -167,7 +164,7 @@ def _margins(study: Study) -> list[tuple[str, ...]]:
     return [
         (
             md.code(kind),
-            f"{md.sizes(study.bound[np.array(KIND_OF) == kind].tolist())} {KINDS[kind].unit}",
+            f"{md.sizes(study.bound[members(kind)].tolist())} {KINDS[kind].unit}",
             *(
                 cell
                 for factor, unit in zip((margin.gyro, margin.accel), units, strict=True)

@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import xarray as xr
-from scipy import stats
+from scipy import special
 
 from inscal import experiment
-from inscal.parameters import KIND_OF, KINDS, NAMES, vector
+from inscal.parameters import KINDS, NAMES, members, vector
 from inscal.statistics import wilson_interval
 from pipeline.campaign import store
 from pipeline.campaign.judged import summary
@@ -85,11 +85,8 @@ def kind_probability(errors: np.ndarray, sigma: np.ndarray) -> dict[str, float]:
     dict
         Near 0 where errors are too small for their sigma, near 1 where they are too large.
     """
-    squared, kinds = np.square(errors / sigma), np.array(KIND_OF)
-    return {
-        kind: float(stats.chi2.cdf(squared[kinds == kind].sum(), int((kinds == kind).sum())))
-        for kind in KINDS
-    }
+    squared = {kind: np.square(errors / sigma)[members(kind)] for kind in KINDS}
+    return {kind: float(special.chdtr(len(own), own.sum())) for kind, own in squared.items()}
 
 
 def _errors(config: Config) -> np.ndarray:
@@ -114,8 +111,8 @@ def _check_margin(config: Config, sensor: str, kind: str, factor: float) -> Chec
     gyro, accel = (factor, 1.0) if sensor == "gyro" else (1.0, factor)
     noisy = paper_noise.scaled(config, gyro, accel, 1.0)
     bound, error = Setup(config).bound, _errors(noisy)
-    members = np.array(KIND_OF) == kind
-    worst = int(np.argmax(np.where(members, paper_noise.predicted_std(noisy) / bound, 0.0)))
+    own = members(kind)
+    worst = int(own[np.argmax((paper_noise.predicted_std(noisy) / bound)[own])])
     within = int((np.abs(error[:, worst]) <= bound[worst]).sum())
     held = wilson_interval(within, len(error))
     interval = float(held.lower), float(held.upper)

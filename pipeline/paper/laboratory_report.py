@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy import stats
+from scipy import special
 
 from inscal import units
 from inscal.effects import schuler_rate
@@ -55,8 +55,12 @@ def final_rms(flight: Flight) -> float:
 
 def converged(residual: Residual) -> bool:
     """Whether no run diverged and the errors are those that the filter predicts."""
-    limit = stats.chi2.ppf(_HONEST, COUNT * residual.runs) / residual.runs
-    return residual.failed == 0 and bool(residual.nees <= limit)
+    return residual.failed == 0 and residual.nees <= _nees_limit(residual.runs)
+
+
+def _nees_limit(runs: int) -> float:
+    """Mean NEES that honest calibrations stay below."""
+    return float(special.chdtri(COUNT * runs, 1.0 - _HONEST)) / runs
 
 
 def judge(study: Study) -> list[Verdict]:
@@ -64,11 +68,11 @@ def judge(study: Study) -> list[Verdict]:
     flight, perfect = study.flights[COMPENSATED], study.flights[PERFECT]
     velocity, distance = largest_velocity(flight), largest_distance(flight)
     floor = largest_distance(perfect)
-    limit = stats.chi2.ppf(_HONEST, COUNT * study.nees.size) / study.nees.size
+    limit = _nees_limit(study.nees.size)
     out = [
         verdicts.within(
             "Table 4's unit can be calibrated from a coarse scale",
-            *(float(study.nees.mean()) if np.isfinite(study.nees).all() else np.inf, float(limit)),
+            *(float(study.nees.mean()) if np.isfinite(study.nees).all() else np.inf, limit),
             f"mean NEES {study.nees.mean():.1f}, {COUNT} expected, at most {limit:.1f}",
         ),
         verdicts.within(

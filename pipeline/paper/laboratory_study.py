@@ -15,7 +15,7 @@ from inscal import experiment, units
 from inscal.experiment import Experiment, Outcome
 from inscal.free_inertial import Flight, fly
 from inscal.kernel import LANES
-from inscal.parameters import COUNT, INDEX, KIND_OF, vector
+from inscal.parameters import COUNT, INDEX, members, vector
 from inscal.simulation import TruthModel, Workspace, simulate
 from pipeline.config.setup import Setup
 from pipeline.console.progress import track
@@ -198,7 +198,8 @@ def _with_residual(config: PaperConfig, sensor: str, ppm: float, passes: int) ->
     wide = replace(estimator.initial_std)
     setattr(wide, key, max(ppm, getattr(wide, key)))
     adapted = replace(config, estimator=replace(estimator, passes=passes, initial_std=wide))
-    truth = np.where(np.array(KIND_OF) == f"{sensor}_scale_factor", ppm * units.PPM, 0.0)
+    truth = np.zeros(COUNT)
+    truth[members(f"{sensor}_scale_factor")] = ppm * units.PPM
     shared = with_truth(Setup(adapted).experiment, truth)
     return experiment.run(shared, range(config.laboratory.runs))
 

@@ -9,16 +9,17 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 from scipy.interpolate import RegularGridInterpolator
 
-from inscal.parameters import KIND_OF, KINDS
+from inscal.parameters import KINDS, members
+from inscal.statistics import normal_quantile
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.progress import track
 from pipeline.study.findings import ENOUGH
 
-SIGMAS = float(special.ndtri(0.5 * (1.0 + ENOUGH)))
+SIGMAS = normal_quantile(ENOUGH)
 """Standard deviations within which the share `ENOUGH` of normal errors stays."""
 
 SCALES = np.geomspace(0.25, 256.0, 11)
@@ -26,7 +27,7 @@ SCALES = np.geomspace(0.25, 256.0, 11)
 between which sigma follows a power law to a per cent or so."""
 
 _FINE = 25  # points of the likelihood search per step of the sweep
-_DROP_95 = 0.5 * float(stats.chi2.ppf(0.95, 2))  # of the log likelihood, two scales free
+_DROP_95 = float(special.gammaincinv(1.0, 0.95))  # of the log likelihood, two scales free
 
 
 def scaled(config: Config, gyro: float, other: float, observation: float | None = None) -> Config:
@@ -116,7 +117,7 @@ def explain(errors: np.ndarray, table: np.ndarray) -> Explanation:
     log_sigma = RegularGridInterpolator((grid, grid), np.log(table))
     fine = np.linspace(grid[0], grid[-1], _FINE * (len(grid) - 1) + 1)
     sigma = np.exp(log_sigma(np.stack(np.meshgrid(fine, fine, indexing="ij"), axis=-1)))
-    likelihood = stats.norm.logpdf(errors, scale=sigma).sum(axis=-1)
+    likelihood = -(np.square(errors / sigma) / 2.0 + np.log(sigma)).sum(axis=-1)
     best = np.unravel_index(np.argmax(likelihood), likelihood.shape)
     likely = likelihood > likelihood[best] - _DROP_95
     gyro, other = (np.exp(fine[likely.any(axis=axis)]) for axis in (1, 0))
@@ -147,8 +148,7 @@ def margins(sigma_at: Callable[[float], np.ndarray], bound: np.ndarray) -> dict[
         from the first on.
     """
     ratio = np.array([SIGMAS * sigma_at(scale) / bound for scale in SCALES])
-    kinds = np.array(KIND_OF)
-    return {kind: _crossing(ratio[:, kinds == kind].max(axis=1)) for kind in KINDS}
+    return {kind: _crossing(ratio[:, members(kind)].max(axis=1)) for kind in KINDS}
 
 
 def _crossing(ratio: np.ndarray) -> float:

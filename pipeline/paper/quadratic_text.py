@@ -11,12 +11,12 @@ from pipeline.paper import claims
 from pipeline.paper.claims import TEMPLATES
 from pipeline.paper.noise import SIGMAS
 from pipeline.study import verdict as verdicts
-from pipeline.study.observability import Course
+from pipeline.study.observability import Observability
 from pipeline.study.verdict import MET, NOT_MET, Verdict
 from pipeline.words import markdown as md
 from pipeline.words.render import render
 
-Readings = Mapping[tuple[str, str], Course]
+Readings = Mapping[tuple[str, str], Observability]
 """Predictions by `sensor.quadratic_unit` and noise."""
 
 
@@ -26,7 +26,7 @@ def quadratic_text(config: Config, readings: Readings) -> str:
     Parameters
     ----------
     config : Config
-    readings : mapping of (str, str) to Course
+    readings : mapping of (str, str) to Observability
         By `sensor.quadratic_unit` and noise.
 
     Returns
@@ -41,17 +41,17 @@ def quadratic_text(config: Config, readings: Readings) -> str:
             texts[unit],
             noise,
             md.code(NAMES[index]),
-            f"{course.final_std[index]:.3g}",
-            f"{100 * course.share[-1, index]:.2g} %",
+            f"{found.final_std[index]:.3g}",
+            f"{100 * found.share[-1, index]:.2g} %",
             f"{bound[index]:g}",
-            f"{bound[index] / course.final_std[index]:.2g}",
+            f"{bound[index] / found.final_std[index]:.2g}",
         )
-        for (unit, noise), course in readings.items()
+        for (unit, noise), found in readings.items()
         for index in (*numbers[INDEX["accel_quadratic"]], *numbers[INDEX["accel_bias"]])
     ]
     pulse, si = (readings[unit, config.noise.name] for unit in ("pulse", "si"))
     held = {
-        unit for (unit, _), course in readings.items() if bound_verdict(course, bound).word == MET
+        unit for (unit, _), found in readings.items() if bound_verdict(found, bound).word == MET
     }
     return render(
         TEMPLATES,
@@ -69,23 +69,23 @@ def quadratic_text(config: Config, readings: Readings) -> str:
 def judge(config: Config, readings: Readings) -> claims.Page:
     """Verdicts on the bound of the quadratic terms, by reading and noise."""
     texts, bound = _reading_texts(config), Setup(config).bound
-    found = [
-        (texts[unit], noise, bound_verdict(course, bound))
-        for (unit, noise), course in readings.items()
+    judged = [
+        (texts[unit], noise, bound_verdict(found, bound))
+        for (unit, noise), found in readings.items()
     ]
     return claims.Page(
         "What 1e-9 of quadratic term means",
         ("reading", "noise", "ours", "verdict"),
-        [(reading, noise, verdict.found, verdict.word) for reading, noise, verdict in found],
+        [(reading, noise, verdict.found, verdict.word) for reading, noise, verdict in judged],
         bold=(NOT_MET,),
     )
 
 
-def bound_verdict(course: Course, bound: np.ndarray) -> Verdict:
+def bound_verdict(found: Observability, bound: np.ndarray) -> Verdict:
     """Judge by predicted sigma whether the bound of the quadratic terms holds in enough runs."""
     quadratic = INDEX["accel_quadratic"]
-    sigmas = (bound / course.final_std)[quadratic].min()
-    left = course.share[-1, quadratic].max()
+    sigmas = (bound / found.final_std)[quadratic].min()
+    left = found.share[-1, quadratic].max()
     return verdicts.judged(
         "the bound of the quadratic terms holds",
         f"bound at {sigmas:.2g} sigmas, {100 * left:.2g} % of the initial sigma left",

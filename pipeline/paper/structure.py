@@ -13,7 +13,7 @@ from pipeline.config.load import load
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.paper.tables import TABLE_1_POSTURES, TABLE_1_ROTATIONS, TABLE_2_RANKS
-from pipeline.study.observability import CONVENTIONS, Course, course_of, rank_counts
+from pipeline.study.observability import CONVENTIONS, Observability, observability_of, rank_counts
 
 LEVER_FROM = 20
 """Number of the position from which on the paper's rank is 36."""
@@ -85,7 +85,7 @@ class Structure:
         Of that one in SI by the tolerance of MATLAB's rank.
     neighbours : dict of str to Count
         That one with one choice changed.
-    full, classic : Course
+    full, classic : Observability
         Of the paper's path and of the classic one.
     """
 
@@ -94,8 +94,8 @@ class Structure:
     counts: Mapping[str, Count]
     by_matlab: obs.Ranks
     neighbours: Mapping[str, Count]
-    full: Course
-    classic: Course
+    full: Observability
+    classic: Observability
 
 
 def table_1(schedule: Schedule) -> list[Row]:
@@ -183,12 +183,12 @@ def structure_of(config: Config) -> Structure:
             "matlab",
         ),
         neighbours={n: Count(*rank_counts(*pair)) for n, pair in _neighbours(config).items()},
-        full=course_of(config),
-        classic=course_of(classic),
+        full=observability_of(config),
+        classic=observability_of(classic),
     )
 
 
-def readings_of(config: Config) -> dict[tuple[str, str], Course]:
+def readings_of(config: Config) -> dict[tuple[str, str], Observability]:
     """Predict with D2 read on pulse rates and in SI, in the configured and in quiet noise.
 
     Parameters
@@ -197,12 +197,12 @@ def readings_of(config: Config) -> dict[tuple[str, str], Course]:
 
     Returns
     -------
-    dict of (str, str) to Course
+    dict of (str, str) to Observability
         By reading and name of the noise.
     """
     quiet = load(["noise=quiet"]).noise
     return {
-        (unit, noise.name): course_of(
+        (unit, noise.name): observability_of(
             replace(config, noise=noise, sensor=replace(config.sensor, quadratic_unit=unit))
         )
         for unit in ("pulse", "si")

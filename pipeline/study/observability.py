@@ -26,11 +26,10 @@ WEAK_SHARE = 0.1
 """Share of the initial sigma that a combination must keep to be called weakly observed."""
 
 _DIRECTIONS = 3
-_FEW = 8  # positions in the terminal's table
 
 
 @dataclass(frozen=True)
-class Course:
+class Observability:
     """How well a path lets a filter know its parameters.
 
     Attributes
@@ -72,7 +71,7 @@ def rank_counts(config: Config, convention: obs.Convention) -> tuple[obs.Ranks, 
     )
 
 
-def course_of(config: Config) -> Course:
+def observability_of(config: Config) -> Observability:
     """Run the covariance recursion over a path and see what it leaves unknown.
 
     Parameters
@@ -81,12 +80,12 @@ def course_of(config: Config) -> Course:
 
     Returns
     -------
-    Course
+    Observability
     """
     setup = Setup(config)
     gains, prior = setup.gains, setup.prior.parameter
     covariance = gains.covariance[: len(NAMES), : len(NAMES)]
-    return Course(
+    return Observability(
         share=obs.sigma_share(
             gains.parameter_std, prior, setup.schedule, config.estimator.update_interval_s
         ),
@@ -112,11 +111,11 @@ def tied_text(pair: tuple[int, int, float]) -> str:
     return f"{NAMES[first]} and {NAMES[second]}: correlation {correlation:.3f}"
 
 
-def share_table(course: Course) -> str:
+def share_table(found: Observability) -> str:
     """CSV text: one row per parameter, one column per position."""
     frame = pd.DataFrame(
-        course.share.T,
+        found.share.T,
         index=pd.Index(NAMES, name="parameter"),
-        columns=[f"position_{n}" for n in range(1, len(course.share) + 1)],
+        columns=[f"position_{n}" for n in range(1, len(found.share) + 1)],
     )
     return frame.to_csv(float_format="%.6g")

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from inscal.parameters import KIND_OF, KINDS, NAMES
+from inscal.parameters import KINDS, NAMES, members
 from pipeline.config.schema import KIND_KEYS
 from pipeline.study import findings, verdict
 from pipeline.study.findings import ENOUGH, RATIO_BAND, Results, Summary
@@ -115,14 +115,14 @@ def _kind_rows(results: Results) -> list[tuple[str, ...]]:
     about, limits = results.configuration, results.summaries[MAIN]["parameters"]
     rows: list[tuple[str, ...]] = []
     for kind, key in KIND_KEYS.items():
-        names = [name for name, other in zip(NAMES, KIND_OF, strict=True) if other == kind]
+        own = [limits[NAMES[index]]["bound"] for index in members(kind)]
         rows.append(
             (
                 kind.replace("_", " "),
                 KINDS[kind].unit,
                 md.sizes(about["truth"][key]),
                 md.sizes(about["estimator"]["initial_std"][key]),
-                md.sizes([limits[name]["bound"] for name in names]),
+                md.sizes(own),
             )
         )
     return rows

@@ -35,15 +35,15 @@ def render(folder: Path, name: str, **values: object) -> str:
     return _environment(folder).get_template(name).render(values)
 
 
-def sentence(folder: Path, name: str, **values: object) -> str:
+def sentence(folder: Path, block: str, /, **values: object) -> str:
     """Fill in one block of ``sentences.md.jinja``, and put it on one line.
 
     Parameters
     ----------
     folder : Path
         Of the templates.
-    name : str
-        Of the block.
+    block : str
+        Its name.
     **values : object
         What it may name; anything else it names is an error.
 
@@ -52,7 +52,7 @@ def sentence(folder: Path, name: str, **values: object) -> str:
     str
     """
     template = _environment(folder).get_template(_SENTENCES)
-    text = "".join(template.blocks[name](template.new_context(values)))
+    text = "".join(template.blocks[block](template.new_context(values)))
     return re.sub(r"[ \n]+", " ", text).strip()
 
 

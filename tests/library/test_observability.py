@@ -146,13 +146,13 @@ def test_weakest_direction_is_the_one_left_at_its_prior():
 
 
 def test_path_without_y_up_is_told_by_its_weakest_directions():
-    course = observe.course_of(load([NO_Y_UP]))
+    course = observe.observability_of(load([NO_Y_UP]))
     named = [{NAMES[i] for i, _ in d.weights} for d in course.directions if d.share > 0.1]
     assert any({"accel_k22", "accel_quadratic_y"} <= names for names in named)
 
 
 def test_normal_path_observes_all_but_ties_biases_to_quadratic_terms():
-    course = observe.course_of(load([]))
+    course = observe.observability_of(load([]))
     assert course.directions[0].share < 0.01
     pairs = {(NAMES[i], NAMES[j]) for i, j, _ in course.tied}
     assert pairs == {(f"accel_bias_{a}", f"accel_quadratic_{a}") for a in "xyz"}
@@ -160,7 +160,7 @@ def test_normal_path_observes_all_but_ties_biases_to_quadratic_terms():
 
 
 def test_what_is_not_modelled_is_tied_to_nothing():
-    course = observe.course_of(load(["estimator=states30"]))
+    course = observe.observability_of(load(["estimator=states30"]))
     quadratic = range(27)[INDEX["accel_quadratic"]]
     assert not {i for pair in course.tied for i in pair[:2]} & set(quadratic)
     assert not course.share[:, INDEX["accel_quadratic"]].any()

@@ -25,6 +25,7 @@ from pipeline.gate import baseline, history
 from pipeline.page import compose as page
 from pipeline.page import data as page_data
 from pipeline.page import verdict as page_verdict
+from pipeline.study import campaign as campaigns
 from pipeline.study import names
 from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
 
@@ -197,7 +198,7 @@ def test_half_finished_campaign_says_so_and_how_to_go_on(stores):
     (note,) = shown.notes
     path = stores / "half"
     assert note.startswith("half: 12 of 30 runs done; the rest: python -m pipeline.simulate ")
-    made = page_data.read_campaign(load([]), path)
+    made = campaigns.read(load([]), path)
     overrides = page_data.command(made.configuration, path).split(" ")[3:]
     again = load([override.strip("'") for override in overrides])
     assert store.fingerprint(again) == store.fingerprint(
@@ -349,7 +350,7 @@ def test_history_grows_and_reads_back(tmp_path):
 
 
 def test_correlations_are_those_of_the_errors(stores):
-    made = page_data.read_campaign(load([]), stores / "quiet")
+    made = campaigns.read(load([]), stores / "quiet")
     rows = page_data.correlations(made, None)
     expected = np.corrcoef(made.error, rowvar=False)
     assert rows[3][0]["other"] == NAMES[np.argsort(-np.abs(expected[3]))[1]]
@@ -359,7 +360,7 @@ def test_correlations_are_those_of_the_errors(stores):
 
 
 def test_course_is_that_of_the_stored_run(stores):
-    made = page_data.read_campaign(load([]), stores / "quiet")
+    made = campaigns.read(load([]), stores / "quiet")
     course = page_data.course_of(made, short(stores / "quiet", "noise=quiet"))
     assert course.as_stored
     assert course.error[-1, -1] == pytest.approx(made.error[0], abs=1e-6)

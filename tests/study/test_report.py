@@ -2,6 +2,7 @@ import copy
 import dataclasses
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +15,11 @@ from pipeline import figures
 from pipeline.campaign.judged import as_json
 from pipeline.charts import campaigns as plots
 from pipeline.charts import style as figure_style
-from pipeline.charts.campaigns import Campaign
 from pipeline.config.load import load, resolved
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
 from pipeline.study import findings, names, report
+from pipeline.study.campaign import Campaign, read
 from pipeline.study.findings import Results
 from pipeline.study.names import MAIN, ONE_PASS, PAPER_TRUTH
 
@@ -95,7 +96,7 @@ def test_report_is_the_same_text_each_time_and_links_every_figure(results):
     text = report.report_text(results)
     assert text == report.report_text(copy.deepcopy(results))
     assert "nan" not in text
-    campaign_ = Campaign(campaign(), summary_of(campaign()), CONFIGURATION)
+    campaign_ = Campaign(Path("made"), "made", campaign(), summary_of(campaign()))
     drawn = draw_everything(campaign_, results.comparisons)
     assert set(re.findall(r"\(figures/(.*?)\)", text)) == {f"{name}.png" for name in drawn}
 
@@ -209,7 +210,7 @@ def test_every_figure_is_written_and_its_bytes_repeat(tmp_path, results):
     data = campaign()
     # a parameter the filter does not model must not stop a figure
     data["predicted_std"][3] = 0.0
-    drawn = Campaign(data, summary_of(data), CONFIGURATION)
+    drawn = Campaign(Path("made"), "made", data, summary_of(data))
     for name, figure in draw_everything(drawn, results.comparisons).items():
         path = tmp_path / "new" / f"{name}.png"
         figure_style.save(figure, path)
@@ -247,7 +248,7 @@ def test_store_is_loaded_with_its_runs_done(tmp_path, monkeypatch):
     data["status"][:10] = 2
     data["error"][:10] = np.nan
     data.to_zarr(tmp_path / "results" / "runs" / "some", consolidated=False, zarr_format=3)
-    loaded = figures.load(load([]), "some")
+    loaded = read(load([]), tmp_path / "results" / "runs" / "some")
     assert loaded.error.shape == (RUNS - 10, COUNT)
     assert np.isfinite(loaded.error).all()
     assert loaded.passes == 2
