@@ -53,8 +53,16 @@ def headline(summary: Summary) -> str:
         count=len(summary["parameters"]),
         joint=findings.joint_text(summary),
         made=made,
+        failed=summary["runs_failed"],
+        contradicted=summary.get("runs_contradicted", 0),
         enough=ENOUGH_TEXT,
     )
+
+
+def converged(summary: Summary) -> str:
+    """Say of how many runs the statistics are."""
+    done, failed = summary["runs_done"], summary["runs_failed"]
+    return f"{done} runs that converged, of {done + failed}" if failed else f"{done} runs"
 
 
 def section(campaign: Campaign) -> Section:
@@ -80,7 +88,7 @@ def section(campaign: Campaign) -> Section:
         ),
         tables=(
             Table(
-                f"{campaign.name}: {summary['runs_done']} runs, in parentheses 95 % intervals",
+                f"{campaign.name}: {converged(summary)}, in parentheses 95 % intervals",
                 (
                     *("parameter", "unit", "bound", "RMSE", "predicted sigma"),
                     *("RMSE / predicted", "within bound", "bound met?"),

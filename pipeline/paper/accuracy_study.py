@@ -145,7 +145,7 @@ def study_of(config: Config) -> Study:
     matched = _errors(paper_noise.scaled(config, explanation.gyro, explanation.other))
     with busy("noise that the bounds can bear"):
         margins = _margins(config, bound)
-    one_pass = replace(config, estimator=replace(config.estimator, passes=1))
+    one_pass = replace(config, estimator=replace(config.estimator, passes=1, max_passes=None))
     return Study(
         config=config,
         runs=int((campaign["status"] == store.DONE).sum()),

@@ -9,7 +9,7 @@ from pipeline.config.load import Program
 from pipeline.config.rules import (
     COUNT,
     FINITE,
-    PASSES,
+    MOST_PASSES,
     POSITIVE,
     TRIPLE_OF_POSITIVE,
     one_of,
@@ -65,7 +65,7 @@ class Laboratory:
     residual_scale_factors_ppm : list of float
         Errors left by coarser scale factors, swept.
     residual_passes : list of int
-        Numbers of passes tried for each of them.
+        Most passes tried for each of them.
     """
 
     coarse_gyro_scale_factor_ppm: list[float] = MISSING
@@ -108,7 +108,7 @@ PROGRAM = Program(
         "laboratory.coarse_accel_pulses_per_m_per_s": TRIPLE_OF_POSITIVE,
         "laboratory.runs": COUNT,
         "laboratory.residual_scale_factors_ppm": several(POSITIVE),
-        "laboratory.residual_passes": several(PASSES),
+        "laboratory.residual_passes": several(MOST_PASSES),
     },
 )
 """What a stage of the wing reads."""

@@ -197,7 +197,7 @@ def _with_residual(config: PaperConfig, sensor: str, ppm: float, passes: int) ->
     estimator, key = config.estimator, f"{sensor}_scale_factor_ppm"
     wide = replace(estimator.initial_std)
     setattr(wide, key, max(ppm, getattr(wide, key)))
-    adapted = replace(config, estimator=replace(estimator, passes=passes, initial_std=wide))
+    adapted = replace(config, estimator=replace(estimator, max_passes=passes, initial_std=wide))
     truth = np.zeros(COUNT)
     truth[members(f"{sensor}_scale_factor")] = ppm * units.PPM
     shared = with_truth(Setup(adapted).experiment, truth)

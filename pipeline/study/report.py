@@ -73,6 +73,7 @@ def _campaign(name: str, summary: Summary) -> dict[str, Any]:
     return {
         "name": name,
         "runs_done": summary["runs_done"],
+        "runs_failed": summary["runs_failed"],
         "count": len(summary["parameters"]),
         "bounds_word": findings.bounds_word(summary),
         "joint": findings.joint_text(summary),
@@ -150,8 +151,10 @@ def _campaign_row(name: str, summary: Summary) -> tuple[str, ...]:
         md.code(name),
         str(summary["runs_done"]),
         str(summary["runs_failed"]),
+        md.ends(map(int, summary["passes_taken"])),
         findings.joint_text(summary),
-        f"{summary['nees_mean']:.2f} ({summary['nees_lower']:.2f} to {summary['nees_upper']:.2f})",
+        md.number(summary["nees_mean"])
+        + f" ({summary['nees_lower']:.2f} to {summary['nees_upper']:.2f})",
         findings.honesty(summary),
         f"{min(ratio.values()):.2f} to {max(ratio.values()):.2f}",
         f"{md.code(worst)} {ratio[worst]:.2f}",

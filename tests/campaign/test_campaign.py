@@ -253,7 +253,10 @@ def test_an_exception_in_a_run_costs_this_run_only(tmp_path, monkeypatch, short_
 
 
 @pytest.mark.parametrize(("allowed", "code"), [(None, 1), (0.9999, 0)])
-def test_more_failed_runs_than_allowed_end_a_stage_with_exit_code_1(diverging, allowed, code):
+def test_more_failed_runs_than_allowed_end_a_stage_with_exit_code_1(
+    tmp_path, monkeypatch, diverging, allowed, code
+):
+    monkeypatch.chdir(tmp_path)
     path, _ = diverging
     share = [] if allowed is None else [f"campaign.max_failed_share={allowed}"]
     for stage in (simulate, summarize):

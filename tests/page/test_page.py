@@ -179,7 +179,10 @@ def test_headline_follows_the_joint_share(stores):
 def test_headline_counts_the_runs_that_failed(stores):
     summary = json_data(as_json(summary_of(load([]), stores / "quiet")))
     text = page_verdict.headline(summary | {"runs_done": 466, "runs_failed": 34})
-    assert " of 500 runs, where 99 % is asked for." in text
+    assert " of 500 runs, where 99 % is asked for. 34 runs (6.8 %) did not converge and" in text
+    assert text.endswith("NEES and sigma are of the 466 that did.")
+    assert "converge" not in page_verdict.headline(summary)
+    assert "of 7 runs contradict" in page_verdict.headline(summary | {"runs_contradicted": 7})
 
 
 def test_same_campaigns_give_the_same_bytes(stores, text):

@@ -17,7 +17,7 @@ def test_the_papers_groups_come_on_top_of_the_products():
     assert {key: paper[key] for key in product} == product
     assert paper.keys() - product.keys() == {"effects", "laboratory"}
     assert paper["effects"]["swing_axis"] == "Z"
-    assert paper["laboratory"]["residual_passes"] == [2, 3]
+    assert paper["laboratory"]["residual_passes"] == [2, 20]
 
 
 def test_a_store_made_with_them_has_the_products_configuration():

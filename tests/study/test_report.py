@@ -53,7 +53,8 @@ def campaign(seed=1, scale=1.0):
 
 def summary_of(dataset, noise="reference"):
     summary = summarize(dataset, BOUND)
-    return summary.assign_attrs(noise=CONFIGURATION["noise"] | {"name": noise}, seed=1)
+    noise = CONFIGURATION["noise"] | {"name": noise}
+    return summary.assign_attrs(noise=noise, seed=1, passes_taken={"2": RUNS})
 
 
 def comparison_of(scale_a, durations=(9500.0, 12500.0)):
