@@ -97,6 +97,18 @@ def processes(*commands, **options):
             process.wait(30)
 
 
+def fake_slurm(folder):
+    """Make sbatch and scancel of one machine: a job is a process group, its number the leader's."""
+    folder.mkdir()
+    sbatch = (
+        f'script={folder}/job.$$\ncp "$1" $script\n'  # dask-jobqueue deletes its own
+        f'setsid bash $script >$script.log 2>&1 &\necho "Submitted batch job $!"'
+    )
+    for name, text in {"sbatch": sbatch, "scancel": 'kill -- "-$1"'}.items():
+        (folder / name).write_text(f"#!/bin/bash\n{text}\n")
+        (folder / name).chmod(0o755)
+
+
 def wait_until(condition, seconds=60.0):
     end = time.monotonic() + seconds
     while not condition():

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import yaml
-from campaigns import ROOT
+from campaigns import ROOT, fake_slurm
 
 README = "README.md"
 _FOUND = (path.relative_to(ROOT) for path in (ROOT / "docs").rglob("*.md"))
@@ -131,7 +131,7 @@ class Copy:
                 shutil.copy2(ROOT / name, target)
         # dvc looks for one
         subprocess.run(["git", "init", "--quiet"], cwd=self.root, check=True)
-        self._fake_slurm()
+        fake_slurm(self.tools)
         (folder / "tmp").mkdir()
         path = [str(Path(sys.executable).parent), str(self.tools), os.environ["PATH"]]
         self.env = {
@@ -141,17 +141,6 @@ class Copy:
             "TMPDIR": str(folder / "tmp"),
             "COLUMNS": "100",
         }
-
-    def _fake_slurm(self) -> None:
-        """Give a SLURM of one machine; a job is a process group, its number the leader's."""
-        self.tools.mkdir()
-        sbatch = (
-            f'script={self.tools}/job.$$\ncp "$1" $script\n'
-            f'setsid bash $script >$script.log 2>&1 &\necho "Submitted batch job $!"'
-        )
-        for name, text in {"sbatch": sbatch, "scancel": 'kill -- "-$1"'}.items():
-            (self.tools / name).write_text(f"#!/bin/bash\n{text}\n")
-            (self.tools / name).chmod(0o755)
 
     def bash(self, command: str, code: int = 0) -> str:
         """Run a command line, and return what it printed."""
@@ -185,13 +174,12 @@ class Copy:
 
     def local(self, command: str) -> str:
         """Put this machine in the place of the documented one."""
-        return command.replace("tcp://10.0.0.5:8786", self.address).replace("10.0.0.5", "127.0.0.1")
+        own = command.replace("tcp://10.0.0.5:8786", self.address)
+        return re.sub(r"10\.0\.0\.[56]", "127.0.0.1", own)
 
     def start_dask(self) -> None:
         """Start a scheduler and a worker by the very lines of the page on clusters."""
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            port = probe.getsockname()[1]
+        port = free_port()
         self.address = f"tcp://127.0.0.1:{port}"
         for step in STEPS[CLUSTER]:
             if step.text.startswith("dask scheduler"):
@@ -205,6 +193,13 @@ class Copy:
             os.killpg(process.pid, signal.SIGTERM)
         for process in self.started.values():
             process.wait(30)
+
+
+def free_port() -> int:
+    """Port of this machine that nobody listens at."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
 
 
 def slow() -> bool:
@@ -232,7 +227,8 @@ def on_scheduler(copy: Copy, step: Step) -> str:
 def on_slurm(copy: Copy, step: Step) -> str:
     """On a SLURM of this machine, with one small job."""
     less = f"campaign.runs={SMALL} cluster.workers=1 cluster.cores=1 cluster.memory=2GB"
-    return copy.bash(f"{step.text} {less}", step.code)
+    own = step.text.replace("tcp://10.0.0.5:8786", f"tcp://127.0.0.1:{free_port()}")
+    return copy.bash(f"{own} {less}", step.code)
 
 
 def kept_running(copy: Copy, step: Step) -> str:

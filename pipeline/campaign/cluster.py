@@ -5,6 +5,7 @@ import logging
 import shutil
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
+from urllib.parse import urlsplit
 
 import dask
 from dask.utils import parse_timedelta
@@ -28,7 +29,8 @@ _SETTINGS = {
 }
 _WORKER_TIMEOUT_S = 30
 # a scheduler serves HTTP even so; without an address on port 8787, and warns where that is taken
-_NO_DASHBOARD = {"dashboard": False, "dashboard_address": "127.0.0.1:0"}
+_LOOPBACK = "127.0.0.1"
+_NO_DASHBOARD = {"dashboard": False, "dashboard_address": f"{_LOOPBACK}:0"}
 
 
 def check(cluster: Cluster) -> None:
@@ -82,7 +84,10 @@ def client(cluster: Cluster) -> Iterator[Client]:
             if cluster.kind == "processes":
                 connected.run(say_nothing_of_cancelled_batches)
             if cluster.kind == "slurm":
-                complain(["waiting for SLURM to start a job"])
+                where = (
+                    "" if cluster.address else " on this machine, no cluster.address being given"
+                )
+                complain([f"waiting for SLURM to start a job{where}"])
                 connected.wait_for_workers(1)
             yield connected
         except (KeyboardInterrupt, SystemExit):
@@ -140,12 +145,14 @@ def _start(cluster: Cluster):
             # every worker serves HTTP as well: one that is a thread, without an address, to anybody
             worker_dashboard_address=None if processes else _NO_DASHBOARD["dashboard_address"],
             scheduler_kwargs=_NO_DASHBOARD,
-            host="127.0.0.1" if processes else None,
+            host=_LOOPBACK if processes else None,
         )
 
 
 def slurm(cluster: Cluster):
     """SLURM jobs of one worker each, none submitted yet.
+
+    Without an address they are looked for on this machine alone.
 
     Raises
     ------
@@ -156,6 +163,10 @@ def slurm(cluster: Cluster):
         from dask_jobqueue.slurm import SLURMCluster
     except ImportError:
         raise DataError("cluster = slurm: needs dask-jobqueue, pip install -e '.[slurm]'") from None
+    protocol, host, port = "tcp", _LOOPBACK, 0
+    if cluster.address is not None:
+        asked = urlsplit(cluster.address)
+        protocol, host, port = asked.scheme, str(asked.hostname), asked.port or 0
     return SLURMCluster(
         queue=cluster.queue,
         account=cluster.account,
@@ -163,5 +174,12 @@ def slurm(cluster: Cluster):
         processes=1,
         memory=cluster.memory,
         walltime=cluster.walltime,
-        scheduler_options=_NO_DASHBOARD,
+        protocol=f"{protocol}://",
+        security=Security() if protocol == "tls" else None,
+        scheduler_options={**_NO_DASHBOARD, "host": host, "port": port},
+        worker_extra_args=[
+            *("--no-dashboard", "--dashboard-address", _NO_DASHBOARD["dashboard_address"]),
+            # a worker of another node has to be reached there; where that is, it knows itself
+            *(("--host", _LOOPBACK) if cluster.address is None else ()),
+        ],
     )

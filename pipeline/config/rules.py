@@ -31,7 +31,7 @@ _CLUSTER_KEYS: dict[str, tuple[str, ...]] = {
 }
 """Keys each kind of cluster needs."""
 
-_CLUSTER_EXTRAS: dict[str, tuple[str, ...]] = {"slurm": ("account",)}
+_CLUSTER_EXTRAS: dict[str, tuple[str, ...]] = {"slurm": ("account", "address")}
 """Keys a kind of cluster takes but can do without."""
 
 

@@ -218,7 +218,8 @@ class Cluster:
     workers : int or None
         Number of threads, processes or SLURM jobs.
     address : str or None
-        Address of a running scheduler.
+        Address of a running scheduler; with ``slurm``, where this process takes connections of
+        jobs, this machine's own without one.
     queue, memory, walltime, account : str or None
         What a SLURM job asks for; the account may be left out.
     cores : int or None

@@ -12,6 +12,7 @@ from campaigns import (
     SHORT,
     assert_same_store,
     error_lines,
+    fake_slurm,
     make,
     processes,
     run_stage,
@@ -158,6 +159,17 @@ def test_without_sbatch_the_job_script_is_printed(tmp_path, monkeypatch):
     assert [*tmp_path.iterdir()] == []
 
 
+@pytest.mark.parametrize("address", [None, "tcp://127.0.0.2:18786"])
+def test_jobs_are_waited_for_on_this_machine_unless_an_address_is_asked_for(address):
+    pytest.importorskip("dask_jobqueue")
+    asked = ["cluster=slurm", f"cluster.address={address or 'null'}"]
+    with cluster.slurm(load(asked).cluster) as jobs:
+        assert jobs.scheduler_address.startswith(address or "tcp://127.0.0.1:")
+        words = jobs.job_script().split()
+    assert jobs.scheduler_address in words
+    assert ("--host" in words) == (address is None)
+
+
 def test_no_account_is_asked_for_where_none_is_given():
     pytest.importorskip("dask_jobqueue")
     with cluster.slurm(load(["cluster=slurm"]).cluster) as jobs:
@@ -167,15 +179,7 @@ def test_no_account_is_asked_for_where_none_is_given():
 def test_slurm_jobs_make_the_same_bits(tmp_path, monkeypatch, short_store):
     pytest.importorskip("dask_jobqueue")
     tools = tmp_path / "tools"
-    tools.mkdir()
-    # a SLURM of one machine: a job is a process group of its own, its number the leader's
-    log = tmp_path / "job.log"
-    copy = f'cp "$1" {tools}/script'  # dask-jobqueue deletes its own
-    sbatch = f'{copy}; setsid bash {tools}/script >{log} 2>&1 & echo "Submitted batch job $!"'
-    sbatch = sbatch.replace("; ", "\n")
-    for name, line in {"sbatch": sbatch, "scancel": 'kill -- "-$1"'}.items():
-        (tools / name).write_text(f"#!/bin/bash\n{line}\n")
-        (tools / name).chmod(0o755)
+    fake_slurm(tools)
     monkeypatch.setenv("PATH", f"{tools}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.chdir(tmp_path)
     fan_out, threads = driver._fan_out, []
@@ -187,6 +191,7 @@ def test_slurm_jobs_make_the_same_bits(tmp_path, monkeypatch, short_store):
     monkeypatch.setattr(driver, "_fan_out", spy)
     make("campaign", "cluster=slurm", "cluster.workers=1", "cluster.cores=1", "campaign.batch=7")
     assert_same_store("campaign", short_store)
+    (log,) = tools.glob("*.log")
     assert "distributed.worker" in log.read_text()
     # it waited for the job, and only then started the clock
     assert threads == [1]
