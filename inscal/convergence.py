@@ -18,6 +18,7 @@ and are told; a run has failed only where they are beyond any noise that it coul
 
 import numpy as np
 from scipy import special
+from scipy.linalg import solve_triangular
 
 from inscal.estimator import CONSTANTS, Estimator
 from inscal.parameters import COUNT, INDEX
@@ -59,11 +60,8 @@ def expected_change(estimator: Estimator, step: np.ndarray, result: np.ndarray) 
     ndarray, shape (lanes,)
         Not finite where the step is not.
     """
-    error, left = matrices(result), np.zeros((COUNT, step.shape[1]))
-    gyro, accel = matrices(step) @ error
-    columns, rows = np.triu_indices(3)
-    left[INDEX["gyro_k"]] = gyro[:, rows, columns].T
-    left[INDEX["accel_k"]] = accel.mT.reshape(-1, 9).T
+    error = matrices(result)
+    left = _entries(matrices(step) @ error)
     size = np.abs(error).max(axis=(0, 2, 3))
     return np.asarray(np.maximum(size * _in_sigmas(estimator, step), _in_sigmas(estimator, left)))
 
@@ -131,6 +129,53 @@ def chance_limits(updates: int) -> tuple[float, float]:
     low = special.chdtri(max(count - CONSTANTS, 1), 1.0 - 0.5 * _FALSE_ALARM)
     high = special.chdtri(count, 0.5 * _FALSE_ALARM)
     return float(low / count), float(high / count)
+
+
+def expected_excess(estimator: Estimator, parameter_std: np.ndarray) -> float:
+    """Mean NEES to be expected beyond the number of parameters, for true errors of a size.
+
+    The filter's covariance P is that of error-free sensors. One with the matrix I + K turns an
+    error D of its estimate into D (I + K). Entries of zero mean then add to the mean NEES, at least,
+
+        sum over a, b of  var(K_ab) trace(E_ab P E_ab^T P^-1),
+
+    E_ab being the map from D to D e_ab, and e_ab zero but for a one in row a and column b.
+
+    Parameters
+    ----------
+    estimator : Estimator
+    parameter_std : ndarray, shape (27,)
+        Root mean square of the true parameters, SI.
+
+    Returns
+    -------
+    float
+        3e-4 at the reference case; large where noise is so small beside the errors that some
+        parameters are known better than products of the others.
+    """
+    modelled = np.flatnonzero(estimator.predicted_std)
+    unit = estimator.predicted_std[modelled]
+    block = estimator.parameter_covariance[np.ix_(modelled, modelled)] / np.outer(unit, unit)
+    root = np.linalg.cholesky(block)
+    units = np.eye(COUNT)[:, modelled] * unit
+    total = 0.0
+    for entry in range(COUNT):
+        one = np.zeros((COUNT, 1))
+        one[entry] = 1.0
+        product = matrices(units) @ matrices(one)
+        mapped = _entries(product)[modelled] / unit[:, None]
+        whitened = solve_triangular(root, mapped @ root, lower=True)
+        total += parameter_std[entry] ** 2 * float(np.square(whitened).sum())
+    return total
+
+
+def _entries(both: np.ndarray) -> np.ndarray:
+    """Parameters of such matrices as `inscal.sensor.matrices` gives, the others zero."""
+    out = np.zeros((COUNT, both.shape[1]))
+    columns, rows = np.triu_indices(3)
+    out[INDEX["gyro_k"]] = both[0][:, rows, columns].T
+    out[INDEX["accel_k"]] = both[1].mT.reshape(-1, 9).T
+    return out
 
 
 def _in_sigmas(estimator: Estimator, change: np.ndarray) -> np.ndarray:

@@ -44,6 +44,11 @@ class TruthModel:
     distribution: str
     scale: np.ndarray
 
+    @property
+    def rms(self) -> np.ndarray:
+        """Root mean square of the parameters, shape (27,), SI."""
+        return self.scale / np.sqrt(3.0) if self.distribution == "uniform" else np.abs(self.scale)
+
 
 @dataclass(frozen=True)
 class Truth:

@@ -25,6 +25,7 @@ from pipeline.campaign.worker import Batch, attempt, share
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console import interrupts
+from pipeline.console.output import complain
 from pipeline.console.progress import CampaignProgress
 
 _FLUSH_INTERVAL_S = 2.0
@@ -79,6 +80,7 @@ def simulate_campaign(config: Config) -> None:
     check(config.cluster)
     setup = Setup(config)
     experiment = setup.experiment
+    complain(setup.linearisation)
     predicted_std = experiment.estimator.predicted_std / setup.unit
     with writing(config.campaign.store):
         with interrupts.held():

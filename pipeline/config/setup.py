@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from inscal.state_model import NoiseModel, StateModel, Transitions
 
 
+_EXCESS = 0.25  # of the mean NEES: what a campaign of 2 000 runs can just tell
+
+
 @dataclass(frozen=True)
 class Setup:
     """A configuration and what it means; every part is made when it is first asked for.
@@ -173,6 +176,19 @@ class Setup:
                 dwell_step=self.config.simulation.dwell_step_s,
                 turn_step=self.config.simulation.turn_step_s,
             )
+
+    @cached_property
+    def linearisation(self) -> list[str]:
+        """Line to see before a campaign whose errors are too large for its noise."""
+        from inscal.convergence import expected_excess
+
+        excess = expected_excess(self.experiment.estimator, self.truth.rms)
+        if excess < _EXCESS:
+            return []
+        return [
+            "warning: truth, noise: sigma is claimed for sensors without errors; with errors so "
+            f"large and noise so small the mean NEES will be too large by {excess:.1f} or more"
+        ]
 
     @cached_property
     def warnings(self) -> list[str]:

@@ -13,6 +13,7 @@ from inscal.estimator import CONSTANTS, Belief, build_estimator
 from inscal.experiment import prepare, run, run_with_history
 from inscal.kernel import LANES
 from inscal.motion import Site
+from inscal.parameters import COUNT
 from inscal.record import Record
 from inscal.recursion import InitialStd
 from inscal.simulation import Truth, TruthModel, Workspace, simulate
@@ -249,6 +250,24 @@ def test_a_record_that_is_no_record_fails_alone():
     assert broken.passes[3] == 2  # one of them anew
     others = np.arange(LANES) != 3
     assert (broken.estimate[:, others] == together.estimate[:, others]).all()
+
+
+# what sharing the covariance costs
+
+
+def test_excess_of_errors_too_large_for_the_noise_is_foretold():
+    silent = dataclasses.replace(NOISE, accel=0.0)
+    experiment = experiment_on(paper_schedule(), noise=silent)
+    excess = convergence.expected_excess(experiment.estimator, SIZE)
+    outcome = run(experiment, range(512))
+    found, spread = outcome.nees.mean() - COUNT, outcome.nees.std() / np.sqrt(512)
+    assert excess > 4.0 * spread
+    assert excess - 4.0 * spread < found < 2.0 * excess + 4.0 * spread
+    # it goes with the square of the errors
+    tenth = convergence.expected_excess(experiment.estimator, 0.1 * SIZE)
+    assert tenth == pytest.approx(0.01 * excess)
+    reference = experiment_on(paper_schedule())
+    assert convergence.expected_excess(reference.estimator, SIZE) < 1e-3
 
 
 # refusals
