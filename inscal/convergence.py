@@ -135,7 +135,7 @@ def expected_excess(estimator: Estimator, parameter_std: np.ndarray) -> float:
     """Mean NEES to be expected beyond the number of parameters, for true errors of a size.
 
     The filter's covariance P is that of error-free sensors. One with the matrix I + K turns an
-    error D of its estimate into D (I + K). Entries of zero mean then add to the mean NEES, at least,
+    error D of its estimate into D (I + K). Entries of zero mean then add to the mean NEES at least
 
         sum over a, b of  var(K_ab) trace(E_ab P E_ab^T P^-1),
 
