@@ -14,7 +14,9 @@ from hypothesis import settings
 from inscal.schedule import Schedule
 from pipeline.config.load import load
 from pipeline.config.setup import Setup, parameter_vector
+from pipeline.gate import judge
 from pipeline.gate.baseline import sample_of
+from pipeline.gate.cases import cases
 
 # compilation happens in the middle of an example; examples are the same in every run
 settings.register_profile("inscal", deadline=None, derandomize=True)
@@ -76,6 +78,12 @@ def short_store(tmp_path_factory):
 def clean():
     """The gate's campaign of this code."""
     return sample_of(planted.reference())
+
+
+@pytest.fixture(scope="session")
+def clean_cases(reference):
+    """Every case of the gate, and its campaign of this code."""
+    return [(case, judge.campaign(case)) for case in cases(reference)]
 
 
 @pytest.fixture(scope="session")

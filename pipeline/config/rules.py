@@ -141,8 +141,8 @@ _RULES: dict[str, Rule] = {
     "schedule.name": NAME,
     "schedule.position_duration_s": POSITIVE,
     "schedule.turn_rate_deg_per_s": POSITIVE,
-    # Beyond 89 deg the north reference of the laboratory degenerates.
-    "site.latitude_deg": (lambda v: abs(v) < 89.0, "a number between -89 and 89"),
+    # Closer to a pole north is no direction to count on; see inscal.motion.Site.
+    "site.latitude_deg": (lambda v: abs(v) <= 89.99, "a number from -89.99 to 89.99"),
     "site.height_m": (lambda v: -500.0 <= v <= 10000.0, "a number from -500 to 10000"),
     "simulation.dwell_step_s": POSITIVE,
     "simulation.turn_step_s": POSITIVE,
@@ -227,8 +227,8 @@ def _check_rotation(key: str, rotation: object, config: Config) -> None:
     if not isinstance(rotation, list) or len(rotation) != 2:
         _fail(key, rotation, "[angle_deg, axis], such as [90, Y]")
     angle, axis = rotation
-    if not _is_number(angle) or angle % 90.0 != 0.0 or not 0.0 < abs(angle) <= 360.0:
-        _fail(key, rotation, "[angle_deg, axis] with an angle of +-90, 180, 270 or 360")
+    if not _is_number(angle) or angle % 45.0 != 0.0 or not 0.0 < abs(angle) <= 360.0:
+        _fail(key, rotation, "[angle_deg, axis] with an angle of +-45, 90, ... 360")
     if axis not in ("X", "Y", "Z"):
         _fail(key, rotation, "[angle_deg, axis] with X, Y or Z for its axis")
     duration = abs(angle) / config.schedule.turn_rate_deg_per_s

@@ -7,7 +7,7 @@ import planted
 import pytest
 
 from inscal import regression
-from inscal.regression import LOOKS
+from inscal.campaign_checks import LOOKS
 from pipeline.config.load import load
 from pipeline.config.setup import Setup
 from pipeline.gate import baseline, judge, power
