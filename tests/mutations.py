@@ -1,4 +1,4 @@
-"""Small wrongs of a module's source: one sign, operator, index, number, name or interval changed."""
+"""Small wrongs of a module: one sign, operator, index, number, name or interval changed."""
 
 import ast
 import re
