@@ -252,11 +252,11 @@ def write(rows: list[dict[str, str]]) -> None:
 def report() -> None:
     """Write the page from the table and the reasons."""
     rows = list(csv.DictReader(TABLE.open()))
+    there = [m for name in modules() for m in mutations(name, source_of(name))]
     reasons = yaml.safe_load(REASONS.read_text()) if REASONS.exists() else {}
     killed = [one for one in rows if one["killed_by"]]
     lived = [one for one in rows if not one["killed_by"]]
     share = stats.binomtest(len(killed), len(rows)).proportion_ci(0.95, "exact")
-    there = sum(len(mutations(m, source_of(m))) for m in modules())
     by = {name: sum(one["killed_by"] == name for one in rows) for name in ("tests", "gate", NEW)}
     lines = [
         "# Mutants",
@@ -265,7 +265,7 @@ def report() -> None:
         "the gate or the tests notice. Tests of the changed module are run before the gate where",
         "the change needs no new machine code; the first that fails is counted.",
         "",
-        f"Of {there} mutants that the generator makes, {len(rows)} drawn at random were tried;",
+        f"Of {len(there)} mutants that the generator makes, {len(rows)} drawn at random were tried;",
         f"**{len(killed)} were killed, {100 * len(killed) / len(rows):.1f} %** (95 %: "
         f"{100 * share.low:.1f} to {100 * share.high:.1f}): {by['tests']} by tests of the module,",
         f"{by['gate']} by the gate, {len(killed) - sum(by.values())} by tests of what builds on it",

@@ -34,7 +34,7 @@ _PAIRS = (
     *("columns rows", "row column", "truth estimate", "old new", "low high", "a b", "ie en"),
 )
 OTHERS = {a: b for pair in _PAIRS for a, b in (pair.split(), pair.split()[::-1])}
-"""Names that stand for something else of the same sort."""
+"""Names that stand for something else of the same sort; taken where the function knows both."""
 
 INTERVALS = ("update_interval", "interval", "dt")
 """Times between events; a mutant has 1 s."""
@@ -78,8 +78,10 @@ def mutations(module: str, source: bytes) -> list[Mutation]:
     for line in lines:
         begin.append(begin[-1] + len(line) + 1)
     out = []
-    for node, compiled in _nodes(tree):
+    for node, compiled, words in _nodes(tree, source.decode()):
         for kind, first, last, new in _changes(node, source, begin):
+            if kind == "name" and new not in words:
+                continue  # would not run at all
             changed = source[:first] + new.encode() + source[last:]
             try:
                 ast.parse(changed)
@@ -92,32 +94,36 @@ def mutations(module: str, source: bytes) -> list[Mutation]:
     return sorted(out, key=lambda mutation: (mutation.line, mutation.old, mutation.new))
 
 
-def _nodes(tree: ast.Module) -> Iterator[tuple[ast.AST, bool]]:
-    """What may be changed, and whether machine code may hold it.
+def _nodes(tree: ast.Module, source: str) -> Iterator[tuple[ast.AST, bool, set[str]]]:
+    """What may be changed, whether machine code may hold it, and the words of its function.
 
     Not what says nothing of numbers: imports, annotations, decorators, texts, and what is raised.
     """
 
-    def walk(node: ast.AST, compiled: bool) -> Iterator[tuple[ast.AST, bool]]:
+    def walk(
+        node: ast.AST, compiled: bool, words: set[str]
+    ) -> Iterator[tuple[ast.AST, bool, set[str]]]:
         if isinstance(node, ast.Import | ast.ImportFrom | ast.Raise | ast.JoinedStr):
             return
         if isinstance(node, ast.FunctionDef):
             names = {name.id for name in node.decorator_list if isinstance(name, ast.Name)}
             compiled = bool(names & {*_COMPILED})
+            words = {*re.findall(r"\w+", ast.unparse(node))}
             children: list[ast.AST] = [*node.args.defaults, *node.args.kw_defaults, *node.body]
         elif isinstance(node, ast.AnnAssign):
             children = [node.value] if node.value else []
         elif isinstance(node, ast.ClassDef):
             children = [*node.body]
         else:
-            yield node, compiled
+            yield node, compiled, words
             children = [*ast.iter_child_nodes(node)]
         for child in children:
             if child is not None:
-                yield from walk(child, compiled)
+                yield from walk(child, compiled, words)
 
+    every = {*re.findall(r"\w+", source)}
     for statement in tree.body:
-        yield from walk(statement, True)
+        yield from walk(statement, True, every)
 
 
 Change = tuple[str, int, int, str]
