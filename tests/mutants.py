@@ -33,6 +33,8 @@ import yaml
 from mutations import Mutation, mutations
 from scipy import stats
 
+from inscal.kernel import RUN_MODULES
+
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "results" / "mutants.csv"
 PAGE = ROOT / "results" / "mutants.md"
@@ -49,8 +51,8 @@ PLAIN = {"rotation", "sensor", "earth", "navigation"}
 """Modules whose tests are quick without machine code."""
 
 FURTHER = {
-    "regression": ["tests/gate/test_gate_statistics.py", "tests/gate/test_verdicts.py"],
-    "campaign_checks": ["tests/gate/test_gate_statistics.py", "tests/gate/test_cases.py"],
+    "regression": ["tests/gate/test_gate_statistics.py"],
+    "campaign_checks": ["tests/gate/test_gate_statistics.py"],
     "parameters": ["tests/library/test_units.py", "tests/config/test_config.py"],
     "free_inertial": ["tests/library/test_effects.py"],
     "innovations": ["tests/library/test_convergence.py", "tests/proof/test_consistency.py"],
@@ -69,8 +71,15 @@ FIELDS = ("module", "line", "kind", "old", "new", "killed_by", "seconds", "sourc
 LONGEST = 600
 """Seconds after which a mutant hangs, and is killed."""
 
+ON_TOP = {
+    "regression": ["tests/gate/test_verdicts.py", "tests/gate/test_cases.py"],
+    "campaign_checks": ["tests/gate/test_verdicts.py", "tests/gate/test_cases.py"],
+    "statistics": ["tests/gate/test_gate_statistics.py"],
+}
+"""Tests of what builds on a module, where they are not of the library."""
+
 CORE = ("experiment", "estimator", "calibrator", "convergence", "simulation", "information")
-"""Modules whose tests build on most others."""
+"""Modules whose tests build on most of those that make runs."""
 
 NEW = "a new test"
 """What kills a mutant that lived before."""
@@ -160,11 +169,15 @@ def tests_of(module: str) -> list[str]:
 
 def tests_on_top(module: str) -> list[str]:
     """Files of tests that build on a module, beside its own."""
-    named = [path for path in (ROOT / "tests" / "library").glob("test_*.py")
-             if f"inscal.{module} " in path.read_text()]  # fmt: skip
-    files = {str(path.relative_to(ROOT)) for path in named}
-    files |= {f"tests/library/test_{name}.py" for name in CORE}
-    return sorted(files - {*tests_of(module)} - {"tests/library/test_kernel.py"})
+    files = {
+        f"tests/library/{path.name}"
+        for path in (ROOT / "tests" / "library").glob("test_*.py")
+        if f"inscal.{module} " in path.read_text()
+    }
+    if module in RUN_MODULES:
+        files |= {f"tests/library/test_{name}.py" for name in CORE}
+    files -= {*tests_of(module), "tests/library/test_kernel.py"}
+    return sorted(files) + ON_TOP.get(module, [])
 
 
 def killer(copy: Copy, mutation: Mutation) -> str:
@@ -185,7 +198,8 @@ def killer(copy: Copy, mutation: Mutation) -> str:
         steps = [step for step in steps if step[0] != "gate"]
     if not own:
         steps = [step for step in steps if step[0] != "tests"]
-    steps.append(("other tests", (*test, *tests_on_top(mutation.module))))
+    if tests_on_top(mutation.module):
+        steps.append(("other tests", (*test, *tests_on_top(mutation.module))))
     for name, command in steps:
         if not copy.run(*command):
             return name
@@ -265,7 +279,7 @@ def report() -> None:
         "the gate or the tests notice. Tests of the changed module are run before the gate where",
         "the change needs no new machine code; the first that fails is counted.",
         "",
-        f"Of {len(there)} mutants that the generator makes, {len(rows)} drawn at random were tried;",
+        f"Of {len(there)} mutants that there are, {len(rows)} drawn at random were tried;",
         f"**{len(killed)} were killed, {100 * len(killed) / len(rows):.1f} %** (95 %: "
         f"{100 * share.low:.1f} to {100 * share.high:.1f}): {by['tests']} by tests of the module,",
         f"{by['gate']} by the gate, {len(killed) - sum(by.values())} by tests of what builds on it",

@@ -4,7 +4,7 @@ The reference case is what the command line configures. The others are whole in 
 but an edit of their file changes them.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -111,8 +111,3 @@ def _case(name: str, about: dict[str, Any], config: Config) -> Case:
 @cache
 def _content() -> dict[str, dict[str, Any]]:
     return yaml.safe_load(FILE.read_text())["cases"]
-
-
-def names() -> Sequence[str]:
-    """Names of the cases of `FILE`."""
-    return [*_content()]
