@@ -222,6 +222,25 @@ def test_claims_are_held_to_the_baselines():
     assert claims_failed(dishonest, claimed(2.0)) == []
 
 
+def test_claims_have_the_level_of_all_of_them():
+    """At the limit the test of Pitman and Morgan has the level, of both sides of every one."""
+    covariance = some_covariance()
+    rng = np.random.default_rng(13)
+    old, new = consistent(rng, covariance), consistent(rng, covariance)
+    for place, check in enumerate(regression.claims(old, new)[1::2]):
+        sigma = np.sqrt(covariance[place, place])
+        a, b = new.error[:, place] / sigma, old.error[:, place] / sigma
+        measured = np.sqrt(a @ a / (b @ b))
+        # the scatter that the data give, with a ratio that would be just at the limit
+        limit = check.upper / (1 + regression.TOLERANCE)
+        a = a / check.value * limit
+        r = (a + b) @ (a - b) / np.sqrt((a + b) @ (a + b) * ((a - b) @ (a - b)))
+        p = stats.t.sf(r * np.sqrt(127 / (1 - r**2)), 127)
+        assert p == pytest.approx(campaign_checks.CHECK_LEVEL / (2 * COUNT), rel=1e-3)
+        assert check.lower == pytest.approx(1 / check.upper)
+        assert check.value == pytest.approx(measured)
+
+
 def test_a_share_of_the_level_makes_limits_wider():
     covariance = some_covariance()
     rng = np.random.default_rng(12)

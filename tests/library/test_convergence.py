@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from conftest import paper_schedule, paper_truth
+from scipy import stats
 
 from inscal import convergence, parameters
 from inscal.calibrator import calibrate
@@ -219,6 +220,16 @@ def test_innovations_are_chi_square_once_the_step_is_taken_off(monkeypatch):
     # the constants that the record tells are no longer among its degrees of freedom
     assert own.mean() == pytest.approx(count - CONSTANTS, abs=4 * np.sqrt(2 * count / 512) + 10)
     assert own.std() == pytest.approx(np.sqrt(2 * count), rel=0.15)
+
+
+def test_beyond_chance_is_one_in_a_million_on_either_side():
+    estimator = experiment_on().estimator
+    count, none = 6 * len(estimator.first.gain), np.zeros((CONSTANTS, 4))
+    # fewer degrees of freedom below, by all constants
+    low, high = stats.chi2.ppf(5e-7, count - CONSTANTS), stats.chi2.isf(5e-7, count)
+    nis = np.array([0.9999 * low, 1.0001 * low, 0.9999 * high, 1.0001 * high])
+    beyond = convergence.are_beyond_chance(estimator, nis, none, none)
+    assert beyond.tolist() == [True, False, False, True]
 
 
 def test_a_run_has_only_so_many_passes():
