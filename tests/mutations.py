@@ -39,6 +39,7 @@ OTHERS = {a: b for pair in _PAIRS for a, b in (pair.split(), pair.split()[::-1])
 INTERVALS = ("update_interval", "interval", "dt")
 """Times between events; a mutant has 1 s."""
 
+_GUARDS = ("strict", "exist_ok")
 _COMPILED = ("compiled", "inlined", "spliced")
 
 
@@ -97,13 +98,16 @@ def mutations(module: str, source: bytes) -> list[Mutation]:
 def _nodes(tree: ast.Module, source: str) -> Iterator[tuple[ast.AST, bool, set[str]]]:
     """What may be changed, whether machine code may hold it, and the words of its function.
 
-    Not what says nothing of numbers: imports, annotations, decorators, texts, and what is raised.
+    Not what says nothing of numbers: imports, annotations, decorators, texts, what is raised, and
+    guards such as ``strict=True``.
     """
 
     def walk(
         node: ast.AST, compiled: bool, words: set[str]
     ) -> Iterator[tuple[ast.AST, bool, set[str]]]:
         if isinstance(node, ast.Import | ast.ImportFrom | ast.Raise | ast.JoinedStr):
+            return
+        if isinstance(node, ast.keyword) and node.arg in _GUARDS:
             return
         if isinstance(node, ast.FunctionDef):
             names = {name.id for name in node.decorator_list if isinstance(name, ast.Name)}
