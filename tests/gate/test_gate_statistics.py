@@ -183,6 +183,19 @@ def test_sigmas_are_held_to_exact_chi_square():
     assert check.value == pytest.approx(np.sqrt(np.mean(sample.error[:, -1] ** 2)) / sigma)
 
 
+def test_likeness_is_held_to_all_pairs():
+    """The limit is the cosine that one of all pairs of random directions has with the level."""
+    (check,) = [
+        check
+        for check in campaign_checks.consistency(
+            consistent(np.random.default_rng(6), np.eye(COUNT))
+        )
+        if check.name == "likeness of two runs"
+    ]
+    tail = campaign_checks.CHECK_LEVEL / (128 * 127 / 2)
+    assert stats.beta.sf(check.upper**2, 0.5, (COUNT - 1) / 2) == pytest.approx(tail, rel=1e-6)
+
+
 def test_correlations_that_are_not_there_are_found():
     covariance = some_covariance()
     sample = consistent(np.random.default_rng(6), covariance)

@@ -144,6 +144,21 @@ def test_a_lane_knows_nothing_of_its_neighbours():
     assert (broken[:, others] == together[:, others]).all()
 
 
+def test_history_of_fewer_passes_than_there_are_is_that_of_the_first():
+    schedule = paper_schedule(3, position_duration=60.0)
+    motion, estimator = motion_of(schedule), estimator_of(schedule, passes=3)
+    truth = np.repeat(SIZE[:, None], LANES, axis=1)
+    record = simulate(
+        truth, motion, NOISE, STD, seed=4, runs=range(LANES), workspace=Workspace.of(motion)
+    )
+    whole, part = empty_history(3, motion.updates), empty_history(2, motion.updates)
+    estimate = calibrate(record, motion, SITE, estimator, history=whole).estimate
+    assert (calibrate(record, motion, SITE, estimator, history=part).estimate == estimate).all()
+    assert (part.estimate == whole.estimate[:2]).all()
+    assert (part.innovation == whole.innovation[:2]).all()
+    assert (whole.estimate[2, -1] != whole.estimate[1, -1]).any()
+
+
 def test_history_ends_with_the_first_passs_estimate():
     schedule = paper_schedule(3, position_duration=60.0)
     motion, estimator = motion_of(schedule), estimator_of(schedule, passes=1)

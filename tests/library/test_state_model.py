@@ -171,11 +171,16 @@ def test_rates_of_the_frame_are_those_of_the_ellipsoid(place):
     assert a[1, 3] == pytest.approx(-1.0 / site.metres[0])
 
 
-def test_interval_integral_against_adaptive_quadrature():
-    # a turn that starts and ends inside update intervals
+@pytest.mark.parametrize(
+    ("interval", "some"),
+    [(1.0, (0, 6, 7, 11, 12, 20, 23, 30)), (4.0, (0, 1, 2, 5, 8)), (12.0, (0, 1))],
+)
+def test_interval_integral_against_adaptive_quadrature(interval, some):
+    # turns that start and end inside update intervals, at the end in the first of them
     turns = (Turn(np.pi / 2, 1), Turn(np.pi, 0))
     schedule = Schedule(("North", "East", "Down"), turns, 12.0, np.deg2rad(17.0))
-    model, a = transitions(schedule), navigation_dynamics(SITE)
+    model = build_transitions(schedule, SITE, StateModel(), NOISE, update_interval=interval)
+    a = navigation_dynamics(SITE)
     parts = segments(schedule)
 
     def column(t, end):
@@ -186,10 +191,11 @@ def test_interval_integral_against_adaptive_quadrature():
         return expm(a * (end - t)) @ parameter_dynamics(c, rate, force)
 
     breaks = [p.start for p in parts]
-    for k in (0, 6, 7, 11, 12, 20, 23, 30):
-        inside = [t for t in breaks if k < t < k + 1]
+    for k in some:
+        start, last = k * interval, (k + 1) * interval
+        inside = [t for t in breaks if start < t < last]
         integral, _ = quad_vec(
-            lambda t, k=k: column(t, k + 1.0), k, k + 1, epsabs=1e-13, points=inside or None
+            lambda t, last=last: column(t, last), start, last, epsabs=1e-13, points=inside or None
         )
         np.testing.assert_allclose(model.parameter[model.index[k]], integral, rtol=1e-9, atol=1e-12)
 
