@@ -26,6 +26,8 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -67,7 +69,7 @@ OFF_THE_GATE = {
 }
 """Modules that the gate imports nothing of."""
 
-FIELDS = ("module", "line", "kind", "old", "new", "killed_by", "seconds", "source")
+FIELDS = ("sample", "module", "line", "kind", "old", "new", "killed_by", "seconds", "source")
 LONGEST = 600
 """Seconds after which a mutant hangs, and is killed."""
 
@@ -80,6 +82,9 @@ ON_TOP = {
 
 CORE = ("experiment", "estimator", "calibrator", "convergence", "simulation", "information")
 """Modules whose tests build on most of those that make runs."""
+
+KERNEL_TESTS = "tests/library/test_kernel.py"
+"""Tests of how machine code is kept, which is done otherwise here."""
 
 NEW = "a new test"
 """What kills a mutant that lived before."""
@@ -176,12 +181,12 @@ def tests_on_top(module: str) -> list[str]:
     }
     if module in RUN_MODULES:
         files |= {f"tests/library/test_{name}.py" for name in CORE}
-    files -= {*tests_of(module), "tests/library/test_kernel.py"}
+    files -= {*tests_of(module), KERNEL_TESTS}
     return sorted(files) + ON_TOP.get(module, [])
 
 
-def killer(copy: Copy, mutation: Mutation) -> str:
-    """What kills a mutant; empty if nothing does."""
+def killer(copy: Copy, mutation: Mutation, tests_alone: bool = False) -> str:
+    """What kills a mutant, or of the tests of its module alone; empty if nothing does."""
     copy.write(mutation.module, mutation.source)
     compiled = mutation.compiled or mutation.module == "kernel"
     if not compiled:
@@ -198,7 +203,9 @@ def killer(copy: Copy, mutation: Mutation) -> str:
         steps = [step for step in steps if step[0] != "gate"]
     if not own:
         steps = [step for step in steps if step[0] != "tests"]
-    if tests_on_top(mutation.module):
+    if tests_alone:
+        steps = [step for step in steps if step[0] == "tests"]
+    elif tests_on_top(mutation.module):
         steps.append(("other tests", (*test, *tests_on_top(mutation.module))))
     for name, command in steps:
         if not copy.run(*command):
@@ -206,53 +213,77 @@ def killer(copy: Copy, mutation: Mutation) -> str:
     return ""
 
 
-def run(sample: list[Mutation], minutes: float, rows: list[dict[str, str]]) -> None:
-    """Try mutants in turn until the time is over, and add what came of each to the rows."""
-    copy, end = Copy.make(), time.monotonic() + 60 * minutes
+@contextmanager
+def tried_copy() -> Iterator[Copy]:
+    """Copy of the library as it is, with its machine code, that gate and tests have passed."""
+    copy = Copy.make()
     try:
-        (copy.root / "machine_code").mkdir()
-        tests = (
-            "-m",
-            "pytest",
-            "-n0",
-            "-q",
-            "tests/library",
-            "--ignore=tests/library/test_kernel.py",
-        )
-        for command in (("-m", "pipeline.regress"), tests):
+        copy.forget_machine_code()
+        tests = ("-m", "pytest", "-n0", "-q", "tests/library")
+        for command in (("-m", "pipeline.regress"), (*tests, f"--ignore={KERNEL_TESTS}")):
             if not copy.run(*command):
                 raise RuntimeError(f"the library as it is fails {' '.join(command)}")
         (kept,) = (copy.root / "machine_code").iterdir()
         shutil.copytree(kept, copy.root / "clean_code")
-        for mutation in sample:
-            if time.monotonic() > end:
-                break
-            begun = time.monotonic()
-            by = killer(copy, mutation)
-            copy.write(mutation.module, source_of(mutation.module))
-            copy.forget_machine_code()
-            done = row(mutation, by, time.monotonic() - begun)
-            print(*done.values(), sep=" | ", flush=True)
-            before = next((one for one in rows if same(one, mutation)), None)
-            if before is None:
-                rows.append(done)
-            else:
-                before["killed_by"] = NEW if by else ""
-            write(rows)
+        yield copy
     finally:
         shutil.rmtree(copy.root)
 
 
+def tried(copy: Copy, mutation: Mutation, *, tests_alone: bool = False) -> tuple[str, float]:
+    """What kills a mutant, and after how many seconds; the copy is then as before."""
+    begun = time.monotonic()
+    by = killer(copy, mutation, tests_alone)
+    copy.write(mutation.module, source_of(mutation.module))
+    copy.forget_machine_code()
+    return by, time.monotonic() - begun
+
+
+def run(sample: list[Mutation], seed: int, minutes: float) -> None:
+    """Try mutants in turn until the time is over, and add what came of each to the table."""
+    rows = [one for one in read() if one["sample"] != str(seed)]
+    end = time.monotonic() + 60 * minutes
+    with tried_copy() as copy:
+        for mutation in sample:
+            if time.monotonic() > end:
+                break
+            rows.append(row(mutation, seed, *tried(copy, mutation)))
+            write(rows)
+            print(*rows[-1].values(), sep=" | ", flush=True)
+
+
+def again(every: list[Mutation]) -> None:
+    """Try what lived against the tests of its module as they are now.
+
+    Where a line holds the same change twice, both have to die.
+    """
+    rows = read()
+    with tried_copy() as copy:
+        for one in rows:
+            own = [mutation for mutation in every if same(one, mutation)]
+            if one["killed_by"] or not own:
+                continue
+            if all(tried(copy, mutation, tests_alone=True)[0] for mutation in own):
+                one["killed_by"] = NEW
+            write(rows)
+            print(*one.values(), sep=" | ", flush=True)
+
+
 def same(one: dict[str, str], mutation: Mutation) -> bool:
     """Whether a row is of a mutation."""
-    about = row(mutation, "", 0.0)
-    return all(one[key] == about[key] for key in ("module", "line", "old", "new", "source"))
+    about = row(mutation, 0, "", 0.0)
+    return all(one[key] == about[key] for key in ("module", "kind", "old", "new", "source"))
 
 
-def row(mutation: Mutation, by: str, seconds: float) -> dict[str, str]:
+def row(mutation: Mutation, seed: int, by: str, seconds: float) -> dict[str, str]:
     """Row of the table."""
-    about = (mutation.module, mutation.line, mutation.kind, mutation.old, mutation.new)
+    about = (seed, mutation.module, mutation.line, mutation.kind, mutation.old, mutation.new)
     return dict(zip(FIELDS, map(str, (*about, by, round(seconds), mutation.text)), strict=True))
+
+
+def read() -> list[dict[str, str]]:
+    """Read the table; nothing if there is none."""
+    return list(csv.DictReader(TABLE.open())) if TABLE.exists() else []
 
 
 def write(rows: list[dict[str, str]]) -> None:
@@ -265,40 +296,46 @@ def write(rows: list[dict[str, str]]) -> None:
 
 def report() -> None:
     """Write the page from the table and the reasons."""
-    rows = list(csv.DictReader(TABLE.open()))
-    there = [m for name in modules() for m in mutations(name, source_of(name))]
+    rows = read()
     reasons = yaml.safe_load(REASONS.read_text()) if REASONS.exists() else {}
-    killed = [one for one in rows if one["killed_by"]]
-    lived = [one for one in rows if not one["killed_by"]]
-    share = stats.binomtest(len(killed), len(rows)).proportion_ci(0.95, "exact")
-    by = {name: sum(one["killed_by"] == name for one in rows) for name in ("tests", "gate", NEW)}
+    there = sum(len(mutations(name, source_of(name))) for name in modules())
     lines = [
         "# Mutants",
         "",
         "Written by `python tests/mutants.py`: the library with one small wrong in it, and whether",
-        "the gate or the tests notice. Tests of the changed module are run before the gate where",
-        "the change needs no new machine code; the first that fails is counted.",
+        f"the gate or the tests notice. The generator makes {there} mutants; samples of them were",
+        "drawn at random. Tests of the changed module are run before the gate where the change needs",
+        "no new machine code, and the first that fails is counted. After a sample tests were written",
+        "for what had lived; they do not count as killers of a later one more than others do.",
         "",
-        f"Of {len(there)} mutants that there are, {len(rows)} drawn at random were tried;",
-        f"**{len(killed)} were killed, {100 * len(killed) / len(rows):.1f} %** (95 %: "
-        f"{100 * share.low:.1f} to {100 * share.high:.1f}): {by['tests']} by tests of the module,",
-        f"{by['gate']} by the gate, {len(killed) - sum(by.values())} by tests of what builds on it",
-        f"and {by[NEW]} by tests written after the others had let them live.",
-        "",
-        "| module | tried | killed |",
-        "| --- | ---: | ---: |",
+        "| sample | mutants | killed | share (95 %) | by tests of the module | by the gate "
+        "| by tests on top | with tests written after it |",
+        "| --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
+    for name in sorted({one["sample"] for one in rows}):
+        own = [one["killed_by"] for one in rows if one["sample"] == name]
+        counts = [own.count(by) for by in ("tests", "gate", "other tests")]
+        cells = [name, str(len(own)), str(sum(counts)), share(sum(counts), len(own))]
+        cells += [*map(str, counts), share(len(own) - own.count(""), len(own))]
+        lines.append(f"| {' | '.join(cells)} |")
+    lines += ["", "| module | tried | killed |", "| --- | ---: | ---: |"]
     for name in sorted({one["module"] for one in rows}):
-        own = [one for one in rows if one["module"] == name]
-        lines.append(f"| {name} | {len(own)} | {sum(bool(one['killed_by']) for one in own)} |")
+        own = [one["killed_by"] for one in rows if one["module"] == name]
+        lines.append(f"| {name} | {len(own)} | {len(own) - own.count('')} |")
     lines += ["", "## Survivors", "", "| mutant | in | why it lives |", "| --- | --- | --- |"]
-    for one in lived:
-        change = f"`{one['old']}` → `{one['new']}`"
-        key = f"{one['module']}: {one['source']}: {one['old']} -> {one['new']}"
-        why = reasons.get(key, "no reason known")
-        source = one["source"].replace("|", "\\|")
-        lines.append(f"| {one['module']}: {change} | `{source}` | {why} |")
+    for one in rows:
+        if not one["killed_by"]:
+            key = f"{one['module']}: {one['source']}: {one['old']} -> {one['new']}"
+            source = one["source"].replace("|", "\\|")
+            change = f"{one['module']}: `{one['old']}` → `{one['new']}`"
+            lines.append(f"| {change} | `{source}` | {reasons.get(key, 'no reason known')} |")
     PAGE.write_text("\n".join(lines) + "\n")
+
+
+def share(hits: int, trials: int) -> str:
+    """Share in percent and its exact interval."""
+    ends = stats.binomtest(hits, trials).proportion_ci(0.95, "exact")
+    return f"{100 * hits / trials:.1f} % ({100 * ends.low:.1f} to {100 * ends.high:.1f})"
 
 
 def main() -> None:
@@ -315,12 +352,10 @@ def main() -> None:
         chosen = options.module or modules()
         every = [m for name in chosen for m in mutations(name, source_of(name))]
         random.Random(options.seed).shuffle(every)
-        sample, rows = every[: options.sample], []
         if options.again:
-            rows = list(csv.DictReader(TABLE.open()))
-            lived = [one for one in rows if not one["killed_by"]]
-            sample = [m for m in every if any(same(one, m) for one in lived)]
-        run(sample, options.minutes, rows)
+            again(every)
+        else:
+            run(every[: options.sample], options.seed, options.minutes)
     report()
 
 

@@ -168,6 +168,15 @@ def test_east_velocity_is_felt_as_coriolis_and_transport():
     assert state[13, 0] == pytest.approx(speed * dt / radius / cos_lat, rel=1e-4)
 
 
+@pytest.mark.parametrize("phi", [(0.2, -0.05, 0.1), (0.0, 0.2, 0.03), (-0.01, 0.02, 0.24)])
+def test_rotate_left_of_large_angles_is_a_rotation(phi):
+    before = Rotation.from_rotvec([0.3, -1.0, 2.0]).as_matrix()
+    state = still(before)
+    rotate_left(state, 0, 0, phi)
+    expected = Rotation.from_rotvec(phi).as_matrix() @ before
+    np.testing.assert_allclose(state[:9, 0].reshape(3, 3), expected, atol=1e-13)
+
+
 def test_rotate_left_is_the_matrix_exponential():
     state = still(np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]], dtype=float))
     before = state[:9, 0].reshape(3, 3).copy()
