@@ -88,6 +88,29 @@ def test_looks_are_the_parameters_and_the_pools_of_them():
     assert {len(LOOKS[look]) for look in ("all", "accel_k", "accel_installation")} == {27, 9, 6}
 
 
+def test_levels_are_those_that_the_manual_tells():
+    assert (regression.TOLERANCE, regression.CONFIDENCE) == (0.02, 0.95)
+    assert (regression.COMPARISON_LEVEL, campaign_checks.CHECK_LEVEL) == (2e-4, 5e-5)
+
+
+def test_data_are_the_same_up_to_a_thousandth_of_their_noise():
+    covariance = some_covariance()
+    old = consistent(np.random.default_rng(6), covariance)
+    for shift, same in ((0.0, True), (0.0009, True), (-0.0009, True), (0.0011, False)):
+        sketch = old.sketch.copy()
+        sketch[17] += shift
+        judgement = regression.judge(old, replace(old, sketch=sketch), np.full(COUNT, np.inf))
+        assert judgement.same_data == same
+        assert judgement.verdict == ("identical" if same else "changed, no worse")
+
+
+def test_bounds_that_are_seldom_met_allow_what_their_sigma_does():
+    """A violation is not believed to be rarer than one of 10 000, whatever the sigma."""
+    error = np.zeros((128, COUNT))
+    (check, *_) = campaign_checks.bounds(error, np.eye(COUNT), np.full(COUNT, 100.0))
+    assert check.upper == stats.binom.isf(5e-5 / COUNT, 128, 1e-4)
+
+
 def consistent(rng, covariance):
     error = normal_errors(rng, covariance)
     nees = np.square(np.linalg.solve(np.linalg.cholesky(covariance), error.T)).sum(axis=0)
