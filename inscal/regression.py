@@ -1,8 +1,8 @@
 """Whether a campaign is worse than a baseline: the statistics of the gate, on plain arrays.
 
-Three questions are asked of 27 parameters and 11 pools of them ("looks": a loss spread over a group
-shows best in the group), and each is held against a tolerance, so that differences of rounding
-between machines are not a loss however significant they are.
+Questions are asked of 27 parameters and 11 pools of them ("looks": a loss spread over a group shows
+best in the group), and each is held against a tolerance, so that differences of rounding between
+machines are not a loss however significant they are. What a filter does not model is not asked.
 
 **Paired ratio.** Rows of both campaigns are the same runs, or, after a change of seed, no pairs at
 all. The ratio of two mean squares is tested exactly in both cases, whatever the correlation, by
@@ -20,26 +20,29 @@ and the loss is the mean of n^2, known to a fraction sqrt(2 / runs) of *itself*:
 in 100 runs, where the two RMSE are known to 7 % each. It holds if the baseline is optimal (its
 consistency says so); where it is not, a change may be a gain, and the paired ratio then says that.
 
-**Checks** of the campaign by itself: NEES, mean error, independence of its runs, bounds.
+**Claims.** A claimed sigma that has grown is a loss by the filter's own word, known without any
+scatter. One that has changed while the errors did not, or not as much, is not honest, if it was:
+RMSE over claimed sigma, new against old, takes the paired ratio. Where the errors are the same it
+tells every change beyond the tolerance, also one that a campaign by itself is too short for.
+
+**Checks** of the campaign by itself are those of `inscal.campaign_checks`.
 """
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy import special
 
+from inscal.campaign_checks import CHECK_LEVEL, LOOKS, Check, Sample, bounds, consistency, modelled
 from inscal.comparison_statistics import holm
-from inscal.parameters import COUNT, GROUPS, KINDS, NAMES, members
-from inscal.statistics import nees_interval
+from inscal.parameters import NAMES
 
 TOLERANCE = 0.02
 """RMSE loss that counts as none."""
 
 COMPARISON_LEVEL = 2e-4
 """False alarms of all comparisons together, of campaigns that lost `TOLERANCE` or less."""
-
-CHECK_LEVEL = 5e-5
-"""False alarms of each of the four checks."""
 
 CONFIDENCE = 0.95
 """Confidence of the intervals shown."""
@@ -49,50 +52,16 @@ SAME_DATA = 1e-3
 much of its noise moves no estimate by more than this much of its sigma."""
 
 _GAIN_LEVEL = 0.05
-_RARE = 1e-4
-# A violation of a bound is not believed to be rarer, whatever the normal distribution says of 30
-# sigma: the tail is known from 64 000 runs.
-
-LOOKS: dict[str, np.ndarray] = (
-    {name: np.array([i]) for i, name in enumerate(NAMES)}
-    | {group: np.array([NAMES.index(name) for name in names]) for group, names in GROUPS.items()}
-    | {kind: members(kind) for kind in KINDS}
-    | {"all": np.arange(COUNT)}
-)
-"""Parameters, and pools of them, that are compared: indices in a 27-vector."""
-
-_MEMBERS = np.array([np.isin(np.arange(COUNT), own) for own in LOOKS.values()], dtype=float)
-_SIZES = _MEMBERS.sum(axis=1)
-
-
-@dataclass(frozen=True)
-class Sample:
-    """A campaign as the gate sees it, SI.
-
-    Attributes
-    ----------
-    error : ndarray, shape (runs, 27)
-        NaN where a run failed.
-    covariance : ndarray, shape (27, 27)
-        What the filter claims.
-    nees : ndarray, shape (runs,)
-    sketch : ndarray, shape (runs,)
-        Of the data of each run, in units of noise: equal data give equal sketches, different ones
-        sketches as different as they are.
-    """
-
-    error: np.ndarray
-    covariance: np.ndarray
-    nees: np.ndarray
-    sketch: np.ndarray
 
 
 @dataclass(frozen=True)
 class Ratios:
-    """RMSE of new over RMSE of old at all `LOOKS`; every array of shape (looks,).
+    """RMSE of new over RMSE of old at all looks; every array of shape (looks,).
 
     Attributes
     ----------
+    names : tuple of str
+        Keys of `inscal.campaign_checks.LOOKS` that hold parameters the filter models.
     ratio, lower, upper : ndarray
         The ratio and its pointwise interval of `CONFIDENCE`. Of a pool: of the root mean square of
         all its errors in units of the old predicted sigma.
@@ -102,6 +71,7 @@ class Ratios:
         One-sided p-value against "no less than 1".
     """
 
+    names: tuple[str, ...]
     ratio: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
@@ -116,7 +86,7 @@ class Loss:
     Attributes
     ----------
     name : str
-        Key of `LOOKS`.
+        Key of `inscal.campaign_checks.LOOKS`.
     ratio, lower, upper : float
         RMSE of new over that of old, and its interval of `CONFIDENCE`.
     p_value : float
@@ -128,27 +98,6 @@ class Loss:
     lower: float
     upper: float
     p_value: float
-
-
-@dataclass(frozen=True)
-class Check:
-    """A statistic of one campaign and where it should lie.
-
-    Attributes
-    ----------
-    name : str
-    value, lower, upper : float
-    """
-
-    name: str
-    value: float
-    lower: float
-    upper: float
-
-    @property
-    def passed(self) -> bool:
-        """Whether the value is in the interval."""
-        return self.lower <= self.value <= self.upper
 
 
 @dataclass(frozen=True)
@@ -165,7 +114,7 @@ class Judgement:
         Runs of the new campaign that diverged; nothing else is judged if there are any.
     losses : list of Loss
     checks : list of Check
-        Of the new campaign; all, passed or not.
+        Of the new campaign and of its claims; all, passed or not.
     ratios : Ratios or None
         The sharper of the measures that apply, None with failed runs.
     """
@@ -199,29 +148,37 @@ def paired_ratio(old: np.ndarray, new: np.ndarray, covariance: np.ndarray) -> Ra
     for a single parameter. Pools use as many degrees of freedom per run as their predicted
     correlation leaves, (sum of eigenvalues)^2 / sum of squared eigenvalues.
     """
-    runs, std = len(old), np.sqrt(np.diag(covariance))
-    a, b = new / std, old / std
-    aa, bb, cross = a.T @ a, b.T @ b, a.T @ b
-    cross = cross + cross.T
-    square = (_MEMBERS @ np.diag(aa)) / (_MEMBERS @ np.diag(bb))
-    # sum over runs of u^T cov(v) u, both at the estimated ratio, expanded in products of columns
-    spread = _pooled(aa**2) / square**2 + _pooled(bb**2)
-    spread += (2 * _pooled(aa * bb) - _pooled(cross**2)) / square
-    independent = _SIZES**2 / _pooled((covariance / np.outer(std, std)) ** 2)
-    dof = runs * independent
-    scatter = spread / (4 * runs * (_MEMBERS @ np.diag(bb)) ** 2) * dof / (dof - 1)
-    scatter = np.sqrt(np.maximum(scatter, np.finfo(float).eps))  # rounding when a is near r b
+    looks, old, new, covariance = _modelled(old, new, covariance)
+    ratio, scatter, dof = _ratio_and_scatter(old, new, covariance, looks)
     critical = special.stdtrit(dof - 1, (1 + CONFIDENCE) / 2)
-    ratio, factor = np.sqrt(square), np.exp(np.arcsinh(critical * scatter))
+    factor = np.exp(np.arcsinh(critical * scatter))
     t_worse = np.sinh(np.log(ratio / (1 + TOLERANCE))) / scatter
     t_better = np.sinh(-np.log(ratio)) / scatter
     return Ratios(
+        looks.names,
         ratio,
         ratio / factor,
         ratio * factor,
         special.stdtr(dof - 1, -t_worse),
         special.stdtr(dof - 1, -t_better),
     )
+
+
+def _ratio_and_scatter(old, new, covariance, looks):
+    """Ratio at every look, the scatter of its logarithm, and the degrees of freedom of that."""
+    runs, std = len(old), np.sqrt(np.diag(covariance))
+    a, b = new / std, old / std
+    aa, bb, cross = a.T @ a, b.T @ b, a.T @ b
+    cross = cross + cross.T
+    square = (looks.members @ np.diag(aa)) / (looks.members @ np.diag(bb))
+    # sum over runs of u^T cov(v) u, both at the estimated ratio, expanded in products of columns
+    spread = looks.pooled(aa**2) / square**2 + looks.pooled(bb**2)
+    spread += (2 * looks.pooled(aa * bb) - looks.pooled(cross**2)) / square
+    independent = looks.sizes**2 / looks.pooled((covariance / np.outer(std, std)) ** 2)
+    dof = runs * independent
+    scatter = spread / (4 * runs * (looks.members @ np.diag(bb)) ** 2) * dof / (dof - 1)
+    scatter = np.sqrt(np.maximum(scatter, np.finfo(float).eps))  # rounding when a is near r b
+    return np.sqrt(square), scatter, dof
 
 
 def added_loss(old: np.ndarray, new: np.ndarray, covariance: np.ndarray) -> Ratios:
@@ -244,10 +201,11 @@ def added_loss(old: np.ndarray, new: np.ndarray, covariance: np.ndarray) -> Rati
     The mean of n^2 is taken as scaled chi-square with as many degrees of freedom as its scatter
     over the runs shows, and no more than it has numbers: a change of few runs is known badly.
     """
+    looks, old, new, covariance = _modelled(old, new, covariance)
     change = np.square(new - old) / np.diag(covariance)
-    per_run = change @ _MEMBERS.T / _SIZES
+    per_run = change @ looks.members.T / looks.sizes
     mean, variance = per_run.mean(axis=0), per_run.var(axis=0)
-    most = len(old) * _SIZES
+    most = len(old) * looks.sizes
     dof = np.full_like(mean, np.inf)
     np.divide(2 * len(old) * mean**2, variance, out=dof, where=variance > 0)
     dof = np.minimum(dof, most)
@@ -257,6 +215,7 @@ def added_loss(old: np.ndarray, new: np.ndarray, covariance: np.ndarray) -> Rati
     )
     allowed = (1 + TOLERANCE) ** 2 - 1
     return Ratios(
+        looks.names,
         np.sqrt(1 + mean),
         np.sqrt(1 + mean * lower),
         np.sqrt(1 + mean * upper),
@@ -265,59 +224,40 @@ def added_loss(old: np.ndarray, new: np.ndarray, covariance: np.ndarray) -> Rati
     )
 
 
-def consistency(sample: Sample) -> list[Check]:
-    """Checks of a campaign against its own covariance: NEES, mean error, independent runs.
+def claims(old: Sample, new: Sample, share: float = 1.0) -> list[Check]:
+    """Checks of the claimed sigmas against those of the baseline (see the module).
 
     Parameters
     ----------
-    sample : Sample
+    old, new : Sample
+        Of filters that model the same parameters.
+    share : float
+        Of `inscal.campaign_checks.CHECK_LEVEL`, to be spent on this campaign.
 
     Returns
     -------
     list of Check
-        The mean NEES; runs * mean error^T P^-1 mean error, chi-square if the error has no mean; the
-        largest cosine between the whitened errors of two runs, of which all pairs are looked at.
+        Two per modelled parameter. None if the old campaign is not consistent by itself: then its
+        claims are nothing to be held to.
     """
-    runs = len(sample.error)
-    low, high = nees_interval(runs, COUNT, 1 - CHECK_LEVEL)
-    whitened = np.linalg.solve(np.linalg.cholesky(sample.covariance), sample.error.T).T
-    mean = whitened.mean(axis=0)
-    unit = whitened / np.linalg.norm(whitened, axis=1, keepdims=True)
-    # not as a matrix product: its threads cost more than it has to do
-    cosine = np.abs(np.triu(np.einsum("ri,si->rs", unit, unit), 1)).max()
-    pairs = runs * (runs - 1) / 2
-    # the squared cosine of random directions in 27 dimensions is beta distributed
-    limit = np.sqrt(1 - special.betaincinv((COUNT - 1) / 2, 0.5, CHECK_LEVEL / pairs))
-    return [
-        Check("mean NEES", float(sample.nees.mean()), low, high),
-        Check("mean error", float(runs * mean @ mean), 0.0, special.chdtri(COUNT, CHECK_LEVEL)),
-        Check("likeness of two runs", float(cosine), 0.0, float(limit)),
-    ]
-
-
-def bounds(error: np.ndarray, covariance: np.ndarray, bound: np.ndarray) -> list[Check]:
-    """Runs outside each bound, and how many the baseline's sigma would let be.
-
-    Parameters
-    ----------
-    error : ndarray, shape (runs, 27)
-    covariance : ndarray, shape (27, 27)
-        The baseline's.
-    bound : ndarray, shape (27,)
-        In the unit of the errors.
-
-    Returns
-    -------
-    list of Check
-        One per parameter, `CHECK_LEVEL` over all of them.
-    """
-    rare = np.maximum(2 * special.ndtr(-bound / np.sqrt(np.diag(covariance))), _RARE)
-    most = np.ceil(special.bdtrik(1 - CHECK_LEVEL / COUNT, len(error), rare))
-    outside = (np.abs(error) > bound).sum(axis=0)
-    return [
-        Check(f"runs outside the bound of {name}", float(count), 0.0, float(limit))
-        for name, count, limit in zip(NAMES, outside, most, strict=True)
-    ]
+    if not all(check.passed for check in consistency(old)):
+        return []
+    own = old.columns
+    sigma, before = (np.sqrt(np.diag(sample.covariance)[own]) for sample in (new, old))
+    single = _Looks.of(own)
+    score, score_before = new.error[:, own] / sigma, old.error[:, own] / before
+    ratio, scatter, dof = _ratio_and_scatter(score_before, score, np.eye(len(own)), single)
+    critical = special.stdtrit(dof - 1, 1 - CHECK_LEVEL * share / (2 * len(own)))
+    most = (1 + TOLERANCE) * np.exp(np.arcsinh(critical * scatter))
+    out = []
+    for place, name in enumerate(NAMES[i] for i in own):
+        grown, changed = float(sigma[place] / before[place]), float(ratio[place])
+        limit = float(most[place])
+        out += [
+            Check(f"claimed sigma of {name} over the baseline's", grown, 0.0, 1 + TOLERANCE),
+            Check(f"RMSE over claimed sigma of {name}, times", changed, 1 / limit, limit),
+        ]
+    return out
 
 
 def identical(old: Sample, new: Sample) -> bool:
@@ -326,7 +266,9 @@ def identical(old: Sample, new: Sample) -> bool:
     return _same_data(old, new) and all(a.tobytes() == b.tobytes() for a, b in pairs)
 
 
-def judge(old: Sample, new: Sample, bound: np.ndarray) -> Judgement:
+def judge(
+    old: Sample, new: Sample, bound: np.ndarray | None = None, share: float = 1.0
+) -> Judgement:
     """Judge a campaign against the baseline.
 
     Parameters
@@ -334,9 +276,12 @@ def judge(old: Sample, new: Sample, bound: np.ndarray) -> Judgement:
     old : Sample
         The baseline; consistent, without failed runs.
     new : Sample
-        As many runs.
-    bound : ndarray, shape (27,)
+        As many runs, of a filter that models the same parameters.
+    bound : ndarray, shape (27,), optional
         Accuracy bounds, SI.
+    share : float
+        Of all levels, to be spent on this campaign: where several are judged their false alarms
+        add up.
 
     Returns
     -------
@@ -346,8 +291,10 @@ def judge(old: Sample, new: Sample, bound: np.ndarray) -> Judgement:
     failed = int((~np.isfinite(new.error).all(axis=1)).sum())
     if failed:
         return Judgement("worse", same_data, failed, [], [], None)
-    checks = consistency(new) + bounds(new.error, old.covariance, bound)
-    losses, ratios = _losses(old, new, same_data)
+    checks = consistency(new, share) + claims(old, new, share)
+    if bound is not None:
+        checks += bounds(new.error, old.covariance, bound, share)
+    losses, ratios = _losses(old, new, same_data, COMPARISON_LEVEL * share)
     worse = losses or not all(check.passed for check in checks)
     verdict = "worse" if worse else "changed, no worse"
     if identical(old, new):
@@ -355,7 +302,7 @@ def judge(old: Sample, new: Sample, bound: np.ndarray) -> Judgement:
     return Judgement(verdict, same_data, 0, losses, checks, ratios)
 
 
-def _losses(old: Sample, new: Sample, same_data: bool) -> tuple[list[Loss], Ratios]:
+def _losses(old: Sample, new: Sample, same_data: bool, level: float) -> tuple[list[Loss], Ratios]:
     measures = [paired_ratio(old.error, new.error, old.covariance)]
     if same_data:
         added = added_loss(old.error, new.error, old.covariance)
@@ -363,9 +310,9 @@ def _losses(old: Sample, new: Sample, same_data: bool) -> tuple[list[Loss], Rati
         measures.append(replace(added, p_worse=np.where(gained, 1.0, added.p_worse)))
     adjusted = holm(np.concatenate([m.p_worse for m in measures])).reshape(len(measures), -1)
     losses = []
-    for look, name in enumerate(LOOKS):
+    for look, name in enumerate(measures[0].names):
         most = int(np.argmin([m.p_worse[look] for m in measures]))  # the measure that says most
-        if adjusted[most, look] < COMPARISON_LEVEL:
+        if adjusted[most, look] < level:
             m = measures[most]
             shown = (float(v[look]) for v in (m.ratio, m.lower, m.upper, adjusted[most]))
             losses.append(Loss(name, *shown))
@@ -376,6 +323,37 @@ def _same_data(old: Sample, new: Sample) -> bool:
     return bool((np.abs(old.sketch - new.sketch) <= SAME_DATA).all())
 
 
-def _pooled(matrix: np.ndarray) -> np.ndarray:
-    """Sum of a 27 by 27 matrix over the block of each look."""
-    return ((_MEMBERS @ matrix) * _MEMBERS).sum(axis=1)
+@dataclass(frozen=True)
+class _Looks:
+    """Pools of parameters, by a row of `members` each: ones at its own, shape (looks, n)."""
+
+    names: tuple[str, ...]
+    members: np.ndarray
+
+    @staticmethod
+    def of(columns) -> "_Looks":
+        """Each of some parameters by itself."""
+        return _Looks(tuple(NAMES[i] for i in columns), np.eye(len(columns)))
+
+    @property
+    def sizes(self) -> np.ndarray:
+        return self.members.sum(axis=1)
+
+    def pooled(self, matrix: np.ndarray) -> np.ndarray:
+        """Sum of an n by n matrix over the block of each look."""
+        return ((self.members @ matrix) * self.members).sum(axis=1)
+
+
+@cache
+def _looks_at(columns: tuple[int, ...]) -> _Looks:
+    """All looks that hold some of these parameters."""
+    held = {name: np.isin(columns, own) for name, own in LOOKS.items()}
+    held = {name: own for name, own in held.items() if own.any()}
+    return _Looks(tuple(held), np.array([*held.values()], dtype=float))
+
+
+def _modelled(old, new, covariance):
+    """Looks at what a covariance speaks of, and errors and covariance of that alone."""
+    own = modelled(covariance)
+    looks = _looks_at(tuple(own.tolist()))
+    return looks, old[:, own], new[:, own], covariance[np.ix_(own, own)]

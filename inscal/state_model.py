@@ -20,6 +20,7 @@ one constant matrix; only the parameter columns turn with the body.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import expm
@@ -37,6 +38,7 @@ OBSERVED_STATES = slice(3, 3 + OBSERVED)
 """The observed navigation states: velocity and position errors."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+_LONGEST_ARC = 1.0  # rad that the quadrature goes at a time
 
 
 @dataclass(frozen=True)
@@ -202,8 +204,8 @@ def build_transitions(
     """Discrete linear model of a schedule, about true motion and error-free sensors.
 
     The parameter columns are integrated by six-point Gauss-Legendre quadrature over every stretch
-    of steady motion, which is exact to rounding for the trigonometric polynomials that a turn of a
-    radian or less produces.
+    of steady motion, a radian of it at most at a time: to that the trigonometric polynomials of a
+    turn are known to 1e-9.
 
     Parameters
     ----------
@@ -257,6 +259,16 @@ def build_transitions(
 
 def _integrate(segment, site, carries, start, end, interval_end) -> np.ndarray:
     """Parameter columns of one piece, carried on to the end of its update interval."""
+    parts = max(1, int(np.ceil(np.linalg.norm(segment.rate) * (end - start) / _LONGEST_ARC - 1e-9)))
+    edges = np.linspace(start, end, parts + 1)
+    columns = (
+        _integrate_part(segment, site, carries, first, last, interval_end)
+        for first, last in pairwise(edges)
+    )
+    return np.asarray(sum(columns))
+
+
+def _integrate_part(segment, site, carries, start, end, interval_end) -> np.ndarray:
     times = 0.5 * (start + end) + 0.5 * (end - start) * _NODES
     attitude = attitude_at(segment, times)
     to_body = np.swapaxes(attitude, -1, -2)

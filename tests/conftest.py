@@ -6,15 +6,19 @@ import dataclasses
 import os
 from pathlib import Path
 
+import numpy as np
 import planted
 import pytest
 from campaigns import make
 from hypothesis import settings
 
+from inscal.motion import Site
 from inscal.schedule import Schedule
 from pipeline.config.load import load
 from pipeline.config.setup import Setup, parameter_vector
+from pipeline.gate import judge
 from pipeline.gate.baseline import sample_of
+from pipeline.gate.cases import cases
 
 # compilation happens in the middle of an example; examples are the same in every run
 settings.register_profile("inscal", deadline=None, derandomize=True)
@@ -40,6 +44,16 @@ def pytest_xdist_auto_num_workers(config):
 def pytest_collection_modifyitems(items):
     """Begin with the manual, the longest file: no worker is left with it when others are done."""
     items.sort(key=lambda item: item.path.stem != "test_manual")
+
+
+SITES = {
+    "laboratory": Site(np.deg2rad(39.98), 50.0),
+    "south": Site(np.deg2rad(-40.0), 3000.0),
+    "equator": Site(0.0, -400.0),
+    "north pole": Site(np.deg2rad(89.9), 200.0),
+    "south pole": Site(np.deg2rad(-89.5), 9000.0),
+}
+"""Sites that have no sign, no sine and no radius in common."""
 
 
 def paper_schedule(positions: int = 25, position_duration: float = 500.0) -> Schedule:
@@ -76,6 +90,12 @@ def short_store(tmp_path_factory):
 def clean():
     """The gate's campaign of this code."""
     return sample_of(planted.reference())
+
+
+@pytest.fixture(scope="session")
+def clean_cases(reference):
+    """Every case of the gate, and its campaign of this code."""
+    return [(case, judge.campaign(case)) for case in cases(reference)]
 
 
 @pytest.fixture(scope="session")

@@ -233,8 +233,8 @@ def _check_rotation(key: str, rotation: object, config: Config) -> None:
     if not isinstance(rotation, list) or len(rotation) != 2:
         _fail(key, rotation, "[angle_deg, axis], such as [90, Y]")
     angle, axis = rotation
-    if not _is_number(angle) or angle % 90.0 != 0.0 or not 0.0 < abs(angle) <= 360.0:
-        _fail(key, rotation, "[angle_deg, axis] with an angle of +-90, 180, 270 or 360")
+    if not _is_number(angle) or angle % 45.0 != 0.0 or not 0.0 < abs(angle) <= 360.0:
+        _fail(key, rotation, "[angle_deg, axis] with an angle of +-45, 90, ... 360")
     if axis not in ("X", "Y", "Z"):
         _fail(key, rotation, "[angle_deg, axis] with X, Y or Z for its axis")
     duration = abs(angle) / config.schedule.turn_rate_deg_per_s

@@ -1,7 +1,7 @@
-"""The gate's campaign, and the baseline it is held against.
+"""The gate's campaigns, and the baselines they are held against.
 
-A baseline is three text files: ``baseline.json`` (reason, configuration with its seed, digests of
-the other two), ``errors.csv`` (a row per run: NEES, sketch of its data, 27 errors) and
+A baseline of a case is three text files: ``baseline.json`` (reason, configuration with its seed,
+digests of the other two), ``errors.csv`` (a row per run: NEES, sketch of its data, 27 errors) and
 ``covariance.csv`` (what the filter claims), all in SI, in as many digits as bring back every bit.
 """
 
@@ -9,25 +9,24 @@ import csv
 import hashlib
 import io
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from inscal import units
+from inscal.campaign_checks import Sample
 from inscal.experiment import Experiment, run
 from inscal.kernel import LANES
 from inscal.parameters import COUNT, NAMES
-from inscal.regression import Sample
 from inscal.simulation import Workspace
 from pipeline.config.load import resolved, run_settings
 from pipeline.config.schema import Config
 from pipeline.console.errors import DataError
 from pipeline.console.output import write_json, write_text
-
-RUNS = 128
-"""Runs of the gate's campaign; a multiple of the kernels' lanes."""
+from pipeline.gate.cases import REFERENCE, RUNS, Draws
 
 # What sketches are in units of: noise of the size of the reference case. Fixed numbers, so that a
 # change of the noise is a change of the sketch.
@@ -37,37 +36,52 @@ _OBSERVATION_NOISE = np.repeat([0.001, 0.1], 3)
 
 
 def configuration_of(config: Config) -> dict[str, Any]:
-    """What of a configuration makes the gate's campaign, seed included."""
+    """What of a configuration makes the reference case, seed included."""
     return run_settings(resolved(config))
 
 
-def sample_of(experiment: Experiment) -> Sample:
-    """Make the gate's campaign.
+def folder_of(baselines: Path, case: str) -> Path:
+    """Folder of a case's baseline; that of the reference case holds the others'."""
+    return baselines if case == REFERENCE else baselines / "cases" / case
+
+
+def sample_of(experiment: Experiment, draws: Sequence[Draws] = ()) -> Sample:
+    """Make a campaign of the gate.
 
     Parameters
     ----------
     experiment : Experiment
+    draws : sequence of Draws
+        Its runs; if none, 0 to `RUNS` - 1 of the experiment's seed.
 
     Returns
     -------
     Sample
-        Of runs 0 to `RUNS` - 1.
     """
     workspace = Workspace.of(experiment.motion)
     sign = _signs(experiment.motion.steps), _signs(experiment.motion.updates)
     errors, consistency, sketches = [], [], []
-    for first in range(0, RUNS, LANES):
-        outcome = run(experiment, range(first, first + LANES), workspace)
+    for seed, numbers in _tiles(draws or [Draws(experiment.seed, 0, RUNS)]):
+        outcome = run(replace(experiment, seed=seed), numbers, workspace)
         errors.append(outcome.estimate - outcome.truth)
         consistency.append(outcome.nees)
         # the workspace still holds what the estimator has just seen
-        sketches.append(_sketch(workspace, experiment.motion.duration, *sign))
+        sketch = _sketch(workspace, experiment.motion.duration, *sign)
+        sketches.append(sketch[: len(numbers)])
     return Sample(
         np.concatenate(errors),
         experiment.estimator.parameter_covariance,
         np.concatenate(consistency),
         np.concatenate(sketches),
     )
+
+
+def _tiles(draws: Sequence[Draws]) -> Iterator[tuple[int, list[int]]]:
+    """Runs that are made together: a seed and numbers, no more than there are lanes."""
+    for seed in dict.fromkeys(one.seed for one in draws):
+        numbers = [number for one in draws if one.seed == seed for number in one.numbers]
+        for first in range(0, len(numbers), LANES):
+            yield seed, numbers[first : first + LANES]
 
 
 def _signs(rows: int) -> np.ndarray:
@@ -89,8 +103,18 @@ def _sketch(workspace: Workspace, duration, sensor_sign, observation_sign) -> np
     return sensors.sum(axis=(0, 1)) + observations.sum(axis=(0, 1))
 
 
-def write_baseline(folder: Path, sample: Sample, config: Config, reason: str) -> None:
-    """Write a baseline.
+def write_baseline(
+    folder: Path, sample: Sample, configuration: Mapping[str, Any], reason: str
+) -> None:
+    """Write the baseline of a case.
+
+    Parameters
+    ----------
+    folder : Path
+    sample : Sample
+    configuration : mapping
+        That of the case.
+    reason : str
 
     Raises
     ------
@@ -105,15 +129,21 @@ def write_baseline(folder: Path, sample: Sample, config: Config, reason: str) ->
     about = {
         "reason": reason,
         "sha256": {name: _digest(text) for name, text in texts.items()},
-        "configuration": configuration_of(config),
+        "configuration": configuration,
     }
     for name, text in texts.items():
         write_text(folder / f"{name}.csv", text)
     write_json(folder / "baseline.json", about)
 
 
-def read_baseline(folder: Path) -> tuple[Sample, dict[str, Any]]:
-    """Read a baseline.
+def read_baseline(folder: Path, runs: int = RUNS) -> tuple[Sample, dict[str, Any]]:
+    """Read the baseline of a case.
+
+    Parameters
+    ----------
+    folder : Path
+    runs : int
+        That it has to have.
 
     Returns
     -------
@@ -133,7 +163,7 @@ def read_baseline(folder: Path) -> tuple[Sample, dict[str, Any]]:
             raise ValueError("a table is not the one that was written")
         if not (isinstance(about["configuration"], dict) and isinstance(about["reason"], str)):
             raise ValueError("baseline.json is incomplete")
-        errors = _numbers(texts["errors"], (RUNS, 2 + COUNT))
+        errors = _numbers(texts["errors"], (runs, 2 + COUNT))
         covariance = _numbers(texts["covariance"], (COUNT, COUNT))
     except FileNotFoundError as error:
         raise DataError(

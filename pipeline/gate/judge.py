@@ -1,61 +1,73 @@
-"""The gate's two jobs: to judge this code against the baseline, and to make a new one."""
+"""The gate's two jobs: to judge this code against the baselines, and to make new ones."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from inscal import regression
+from inscal import campaign_checks, regression
+from inscal.campaign_checks import Sample
 from inscal.parameters import GROUPS
-from inscal.regression import Judgement, Sample
+from inscal.regression import Judgement
 from pipeline.config.load import differences
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import ConfigError, DataError
 from pipeline.gate import history
-from pipeline.gate.baseline import configuration_of, read_baseline, sample_of, write_baseline
+from pipeline.gate.baseline import folder_of, read_baseline, sample_of, write_baseline
+from pipeline.gate.cases import REFERENCE, Case, cases
 
 BASELINE = Path("results/baseline")
-"""Folder of the committed baseline."""
+"""Folder of the committed baselines."""
+
+VERDICTS = ("identical", "changed, no worse", "worse")
+"""From good to bad; the worst of the cases is that of all."""
 
 
-def campaign(config: Config) -> Sample:
-    """The gate's campaign of a configuration.
+def campaign(case: Case) -> Sample:
+    """Campaign of a case.
 
     Raises
     ------
     ConfigError
-        If the filter leaves out a parameter group.
+        If the filter of the reference case leaves out a parameter group.
     """
-    if set(config.estimator.states) != set(GROUPS):
-        raise ConfigError(
-            f"estimator.states = {config.estimator.states}: must be all of {', '.join(GROUPS)}"
-        )
-    return sample_of(Setup(config).experiment)
+    states = case.config.estimator.states
+    if case.name == REFERENCE and set(states) != set(GROUPS):
+        raise ConfigError(f"estimator.states = {states}: must be all of {', '.join(GROUPS)}")
+    return sample_of(Setup(case.config).experiment, case.draws)
 
 
 def accept(config: Config, reason: str) -> None:
-    """Make the campaign of this code the baseline.
+    """Make the campaigns of this code the baselines.
 
     Raises
     ------
     DataError
-        If the campaign is not fit to be one: the gate builds on its consistency.
+        If one is not fit to be one: the gate builds on their consistency. Then none is written.
     """
-    sample = campaign(config)
+    made = [(case, campaign(case)) for case in cases(config)]
+    for case, sample in made:
+        _refuse(case, sample)
+    for case, sample in made:
+        write_baseline(folder_of(BASELINE, case.name), sample, case.configuration, reason)
+    case, sample = made[0]
+    row = history_row(sample, case.configuration, str(date.today()), reason)
+    history.append(BASELINE, row)
+    print(f"baseline written to {BASELINE}: {reason}")
+
+
+def _refuse(case: Case, sample: Sample) -> None:
     failed = int((~np.isfinite(sample.error).all(axis=1)).sum())
     if failed:
-        raise DataError(f"accept: {failed} runs diverged; they are no baseline")
-    for check in regression.consistency(sample):
+        raise DataError(f"accept: {case.name}: {failed} runs diverged; they are no baseline")
+    for check in campaign_checks.consistency(sample):
         if not check.passed:
-            raise DataError(f"accept: {_check_line(check)}; such a campaign is no baseline")
-    write_baseline(BASELINE, sample, config, reason)
-    history.append(
-        BASELINE, history_row(sample, configuration_of(config), str(date.today()), reason)
-    )
-    print(f"baseline written to {BASELINE}: {reason}")
+            raise DataError(
+                f"accept: {case.name}: {_check_line(check)}; such a campaign is no baseline"
+            )
 
 
 def history_row(
@@ -66,19 +78,51 @@ def history_row(
     return history.row_of(sample.error, sigma, sample.nees, configuration, date=day, reason=reason)
 
 
-def compare(config: Config) -> Judgement:
-    """Judge the campaign of this code against the baseline and print the verdict."""
-    baseline, about = read_baseline(BASELINE)
-    sample = campaign(config)
-    setup = Setup(config)
-    bound = setup.bound * setup.unit
-    judgement = regression.judge(baseline, sample, bound)
-    print(f"{judgement.verdict}: {len(sample.error)} runs against the baseline: {about['reason']}")
-    for line in differences(about["configuration"], configuration_of(config)):
-        print(f"  configuration: {line}")
-    for line in lines(judgement):
-        print(f"  {line}")
-    return judgement
+def compare(config: Config) -> str:
+    """Judge the campaigns of this code against the baselines and print what was found.
+
+    Returns
+    -------
+    str
+        One of `VERDICTS`.
+    """
+    judged = list(judgements(config))
+    verdict = max((judgement.verdict for _, judgement, _ in judged), key=VERDICTS.index)
+    runs = sum(case.runs for case, _, _ in judged)
+    reason = judged[0][2]["reason"]
+    print(f"{verdict}: {runs} runs of {len(judged)} cases against the baseline: {reason}")
+    for case, judgement, about in judged:
+        changes = differences(about["configuration"], case.configuration)
+        if changes or judgement.verdict != "identical":
+            print(f"  {case.name}: {judgement.verdict}")
+        for line in [f"configuration: {change}" for change in changes] + lines(judgement):
+            print(f"    {line}")
+    return verdict
+
+
+def judgements(config: Config) -> Iterator[tuple[Case, Judgement, Mapping[str, Any]]]:
+    """Judge case by case, and say what each baseline is about.
+
+    The reference case has the levels of `inscal.regression` to itself, and the others share as
+    much again.
+
+    Raises
+    ------
+    ConfigError, DataError
+        If a case cannot be run or compared.
+    """
+    every = list(cases(config))
+    baselines = [read_baseline(folder_of(BASELINE, case.name), case.runs) for case in every]
+    for case, (old, about) in zip(every, baselines, strict=True):
+        new = campaign(case)
+        if not np.array_equal(old.columns, new.columns):
+            raise DataError(f"{case.name}: the baseline is of other states; make a new one")
+        if case.name == REFERENCE:
+            setup = Setup(case.config)
+            judgement = regression.judge(old, new, setup.bound * setup.unit)
+        else:
+            judgement = regression.judge(old, new, share=1 / (len(every) - 1))
+        yield case, judgement, about
 
 
 def lines(judgement: Judgement) -> list[str]:
@@ -95,7 +139,7 @@ def lines(judgement: Judgement) -> list[str]:
     ]
     out += [_check_line(check) for check in judgement.checks if not check.passed]
     if judgement.verdict != "worse" and judgement.ratios is not None:
-        ratios, names = judgement.ratios, list(regression.LOOKS)
+        ratios, names = judgement.ratios, judgement.ratios.names
         most = int(np.argmax(ratios.ratio))
         shown = _interval(ratios.ratio[most], ratios.lower[most], ratios.upper[most])
         out.append(f"largest of {len(names)}: {names[most]}, RMSE {shown} of the baseline's")
@@ -107,5 +151,5 @@ def _interval(ratio: float, lower: float, upper: float) -> str:
     return f"{ratio:.3f} ({percent}: {lower:.3f} - {upper:.3f})"
 
 
-def _check_line(check: regression.Check) -> str:
+def _check_line(check: campaign_checks.Check) -> str:
     return f"{check.name}: {check.value:.4g}, not in {check.lower:.4g} - {check.upper:.4g}"

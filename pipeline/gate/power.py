@@ -9,14 +9,15 @@ import numpy as np
 from scipy import stats
 
 from inscal import regression
+from inscal.campaign_checks import LOOKS, Sample
 from inscal.experiment import Experiment, run
 from inscal.parameters import NAMES
-from inscal.regression import LOOKS, Judgement, Sample
+from inscal.regression import Judgement
 from inscal.simulation import Workspace
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.progress import track
-from pipeline.gate.baseline import RUNS
+from pipeline.gate.cases import RUNS
 from pipeline.words import markdown
 from pipeline.words.render import render
 

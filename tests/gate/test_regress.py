@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import planted
 import pytest
-from campaigns import ROOT, run_stage
+from campaigns import run_stage
 from normal_samples import normal_errors
 
 from inscal import regression
@@ -15,8 +15,7 @@ from pipeline import regress
 from pipeline.config.load import differences, load
 from pipeline.console.errors import DataError
 from pipeline.gate import baseline, history, judge, power
-
-COMMITTED = ROOT / "results" / "baseline"
+from pipeline.gate.cases import reference as reference_case
 
 
 @pytest.fixture
@@ -26,9 +25,11 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def kept(folder, clean, reference):
-    """The baseline of this code on disk."""
-    baseline.write_baseline(folder, clean, reference, "of this test")
+def kept(folder, clean_cases):
+    """The baselines of this code on disk."""
+    for case, sample in clean_cases:
+        place = baseline.folder_of(folder, case.name)
+        baseline.write_baseline(place, sample, case.configuration, "of this test")
     return folder
 
 
@@ -44,7 +45,7 @@ def test_a_baseline_comes_back_bit_for_bit(kept, clean, reference):
 def test_gate_passes_what_is_identical(kept):
     ended = run_stage(regress)
     assert (ended.code, ended.err) == (0, "")
-    assert ended.out == "identical: 128 runs against the baseline: of this test\n"
+    assert ended.out == "identical: 1152 runs of 9 cases against the baseline: of this test\n"
 
 
 def test_gate_passes_another_seed_and_says_so(kept):
@@ -64,16 +65,22 @@ def test_gate_stops_what_is_worse_with_names_and_intervals(kept):
     assert "(95 %: " in ended.out
 
 
+def written(folder):
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in files}
+
+
 def test_accepting_writes_a_baseline_with_its_reason(folder, clean):
     ended = run_stage(regress, "accept='a finer filter'")
     assert (ended.code, ended.err) == (0, "")
     assert json.loads((folder / "baseline.json").read_text())["reason"] == "a finer filter"
-    first = {path.name: path.read_bytes() for path in folder.iterdir()}
+    first = written(folder)
     run_stage(regress, "accept='a finer filter'")
-    second = {path.name: path.read_bytes() for path in folder.iterdir()}
+    second = written(folder)
     once, twice = (files.pop(history.FILE).splitlines() for files in (first, second))
     assert second == first
     assert twice == [*once, once[-1]]
+    assert len(first) == 3 * 9
     (row, _) = history.read(folder)
     assert (row.reason, row.runs) == ("a finer filter", baseline.RUNS)
     assert row.nees_mean == pytest.approx(clean.nees.mean(), rel=1e-5)
@@ -97,6 +104,7 @@ def test_accepting_takes_a_reason(folder, reason):
 def test_what_is_not_consistent_is_no_baseline(folder, reference, monkeypatch, defect, said):
     experiment = defect(monkeypatch)
     monkeypatch.setattr(judge, "Setup", lambda config: SimpleNamespace(experiment=experiment))
+    monkeypatch.setattr(judge, "cases", lambda config: [reference_case(config)])
     with pytest.raises(DataError, match=said):
         judge.accept(reference, "anyway")
     assert not folder.exists()
@@ -149,8 +157,9 @@ def binary(path):
     [remove, remove_all, cut, change_a_digit, break_json, other_json, no_reason, binary],
     ids=lambda harm: harm.__name__,
 )
-def test_a_baseline_that_cannot_be_read_is_one_line(kept, harm):
-    harm(kept)
+@pytest.mark.parametrize("case", ["reference", "few_positions"])
+def test_a_baseline_that_cannot_be_read_is_one_line(kept, harm, case):
+    harm(baseline.folder_of(kept, case))
     ended = run_stage(regress)
     assert (ended.code, ended.out) == (2, "")
     assert ended.err.startswith("error: ")
@@ -168,11 +177,13 @@ def test_differences_name_the_key_and_both_values(reference):
     assert differences(old, old) == []
 
 
-def test_this_code_passes_the_committed_baseline(clean, bound):
-    sample, _ = baseline.read_baseline(COMMITTED)
-    judgement = regression.judge(sample, clean, bound)
-    assert judgement.same_data
-    assert judgement.verdict in ("identical", "changed, no worse")
+def test_this_code_passes_the_committed_baselines(reference):
+    judged = list(judge.judgements(reference))
+    assert len(judged) == 9
+    for case, judgement, about in judged:
+        assert judgement.same_data, case.name
+        assert judgement.verdict in ("identical", "changed, no worse"), case.name
+        assert about["configuration"] == case.configuration
 
 
 # the study of the gate

@@ -2,7 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import paper_schedule, paper_truth
+from conftest import SITES, paper_schedule, paper_truth
 
 from inscal import parameters
 from inscal.calibrator import calibrate, empty_history
@@ -11,6 +11,7 @@ from inscal.kernel import LANES
 from inscal.motion import Site, build_motion
 from inscal.record import Record
 from inscal.recursion import InitialStd
+from inscal.schedule import Schedule, turns_of
 from inscal.simulation import Workspace, simulate
 from inscal.state_model import NoiseModel
 
@@ -52,6 +53,22 @@ def test_no_errors_and_no_noise_stay_at_rest_for_the_whole_path(turn_step):
     assert np.abs(history.innovation[:, :, :3]).max() < 1e-6  # m/s
     assert np.abs(history.innovation[:, :, 3:]).max() < 1e-6  # m
     # and the estimates stay zero: to a thousandth of what the filter could ever tell
+    assert (np.abs(estimate).max(axis=1) < 1e-3 * estimator.predicted_std).all()
+
+
+@pytest.mark.parametrize("place", SITES)
+@pytest.mark.parametrize("interval", [0.1, 10.0])
+def test_no_errors_and_no_noise_stay_at_rest_elsewhere(place, interval):
+    site = SITES[place]
+    turns = turns_of([(-45.0, "Z"), (225.0, "X"), (-180.0, "Y"), (90.0, "Z")])
+    schedule = Schedule(("West", "South", "Up"), turns, 40.0, np.deg2rad(15.0))
+    motion = build_motion(schedule, site, update_interval=interval, dwell_step=2.0, turn_step=0.5)
+    belief = Belief(NOISE, STD, passes=2, update_interval=interval)
+    estimator = build_estimator(schedule, site, belief)
+    history = empty_history(2, motion.updates)
+    estimate = calibrate(perfect_record(motion), motion, site, estimator, history=history).estimate
+    assert np.abs(history.innovation[:, :, :3]).max() < 1e-6  # m/s
+    assert np.abs(history.innovation[:, :, 3:]).max() < 1e-6  # m
     assert (np.abs(estimate).max(axis=1) < 1e-3 * estimator.predicted_std).all()
 
 
@@ -125,6 +142,21 @@ def test_a_lane_knows_nothing_of_its_neighbours():
     others = np.arange(LANES) != 3
     assert not np.isfinite(broken[:, 3]).all()
     assert (broken[:, others] == together[:, others]).all()
+
+
+def test_history_of_fewer_passes_than_there_are_is_that_of_the_first():
+    schedule = paper_schedule(3, position_duration=60.0)
+    motion, estimator = motion_of(schedule), estimator_of(schedule, passes=3)
+    truth = np.repeat(SIZE[:, None], LANES, axis=1)
+    record = simulate(
+        truth, motion, NOISE, STD, seed=4, runs=range(LANES), workspace=Workspace.of(motion)
+    )
+    whole, part = empty_history(3, motion.updates), empty_history(2, motion.updates)
+    estimate = calibrate(record, motion, SITE, estimator, history=whole).estimate
+    assert (calibrate(record, motion, SITE, estimator, history=part).estimate == estimate).all()
+    assert (part.estimate == whole.estimate[:2]).all()
+    assert (part.innovation == whole.innovation[:2]).all()
+    assert (whole.estimate[2, -1] != whole.estimate[1, -1]).any()
 
 
 def test_history_ends_with_the_first_passs_estimate():

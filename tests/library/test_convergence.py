@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from conftest import paper_schedule, paper_truth
+from scipy import stats
 
 from inscal import convergence, parameters
 from inscal.calibrator import calibrate
@@ -230,6 +231,13 @@ def test_innovations_are_chi_square_once_the_step_is_taken_off():
     # the constants that the record tells are no longer among its degrees of freedom
     assert own.mean() == pytest.approx(count - CONSTANTS, abs=4 * np.sqrt(2 * count / 512) + 10)
     assert own.std() == pytest.approx(np.sqrt(2 * count), rel=0.15)
+
+
+def test_beyond_chance_is_one_in_a_million_on_either_side():
+    low, high = convergence.chance_limits(500)
+    # fewer degrees of freedom below, by all constants
+    assert low == pytest.approx(stats.chi2.ppf(5e-7, 3000 - CONSTANTS) / 3000)
+    assert high == pytest.approx(stats.chi2.isf(5e-7, 3000) / 3000)
 
 
 def test_a_run_has_only_so_many_passes():

@@ -25,8 +25,9 @@ def test_gravity_above_the_equator_against_spherical_harmonics():
     assert earth.normal_gravity(0.0, 3000.0) == pytest.approx(expected, abs=5e-7)
 
 
-def test_radii_of_curvature_against_the_meridian_ellipse():
-    latitude = np.deg2rad(39.98)
+@pytest.mark.parametrize("degrees", [39.98, -40.0, 0.0, -70.0, 89.0])
+def test_radii_of_curvature_against_the_meridian_ellipse(degrees):
+    latitude = np.deg2rad(degrees)
     a, e2 = earth.SEMI_MAJOR_AXIS, earth.ECCENTRICITY_SQUARED
 
     def point(lat):  # meridian section: distance from the axis, height over the equator
@@ -40,7 +41,36 @@ def test_radii_of_curvature_against_the_meridian_ellipse():
     assert prime_vertical * np.cos(latitude) == pytest.approx(point(latitude)[0], rel=1e-12)
 
 
-def test_earth_rate_points_to_the_pole():
-    rate = earth.earth_rate_ned(np.deg2rad(30.0))
-    assert np.linalg.norm(rate) == pytest.approx(earth.EARTH_RATE)
-    assert rate[2] / rate[0] == pytest.approx(-np.tan(np.deg2rad(30.0)))
+@pytest.mark.parametrize("degrees", [30.0, -40.0, 0.0, 89.9, -89.9])
+def test_earth_rate_is_along_the_axis(degrees):
+    # north, east and up at longitude 0 in axes of the Earth, z along its axis
+    latitude = np.deg2rad(degrees)
+    north = np.array([-np.sin(latitude), 0.0, np.cos(latitude)])
+    up = np.array([np.cos(latitude), 0.0, np.sin(latitude)])
+    rate = earth.earth_rate_ned(latitude)
+    found = rate[0] * north + rate[1] * np.array([0.0, 1.0, 0.0]) - rate[2] * up
+    np.testing.assert_allclose(found, [0.0, 0.0, 7.292115e-5], atol=1e-19)
+
+
+@pytest.mark.parametrize("degrees", [-65.0, -12.0, 25.0, 80.0])
+@pytest.mark.parametrize("height", [-300.0, 4000.0])
+def test_gravity_elsewhere_against_spherical_harmonics(degrees, height):
+    """Gradient of the ellipsoid's potential, by differences along the normal."""
+    latitude, a = np.deg2rad(degrees), earth.SEMI_MAJOR_AXIS
+    e2 = earth.ECCENTRICITY_SQUARED
+    j2, j4, j6 = 1.082629821e-3, -2.37091222e-6, 6.08347e-9
+
+    def potential(h):
+        n = a / np.sqrt(1 - e2 * np.sin(latitude) ** 2)
+        x, z = (n + h) * np.cos(latitude), (n * (1 - e2) + h) * np.sin(latitude)
+        r = np.hypot(x, z)
+        legendre = [np.polynomial.legendre.Legendre.basis(k)(z / r) for k in (2, 4, 6)]
+        terms = zip((j2, j4, j6), (2, 4, 6), legendre, strict=True)
+        series = 1 - sum(j * (a / r) ** k * p for j, k, p in terms)
+        return earth.GRAVITATIONAL_CONSTANT / r * series + 0.5 * (earth.EARTH_RATE * x) ** 2
+
+    step = 50.0
+    expected = (potential(height - step) - potential(height + step)) / (2 * step)
+    assert earth.normal_gravity(np.sin(latitude), height) == pytest.approx(expected, abs=2e-6)
+    down = earth.gravity_ned(latitude, height)
+    assert down.tolist() == [0.0, 0.0, earth.normal_gravity(np.sin(latitude), height)]

@@ -50,6 +50,22 @@ def test_quadratic_term_rectifies_vibration():
     assert slope == pytest.approx(expected, rel=0.005)
 
 
+def test_entries_are_at_every_interval_and_no_step_is_left_out(monkeypatch):
+    """Entries of a longer interval are some of those of every step, whatever the pieces."""
+    swing = Environment(0.1, frequency=0.2, angle=0.3, axis=1)
+    truth = case(accel_bias_x=1e-3, lever_arm_y=0.1)
+    full = north_errors(swing, truth, SITE, duration=40.0, interval=0.1)
+    assert len(full.time) == 400
+    np.testing.assert_allclose(full.time, 0.1 * np.arange(1, 401))
+    assert (
+        north_errors(swing, truth, SITE, duration=40.0, interval=0.01).north == full.north
+    ).all()
+    monkeypatch.setattr(effects, "_PIECE", 70)
+    fewer = north_errors(swing, truth, SITE, duration=40.0, interval=1.3)
+    np.testing.assert_allclose(fewer.time, 1.3 * np.arange(1, 31))
+    np.testing.assert_allclose(fewer.north, full.north[12::13][:30], rtol=1e-9, atol=1e-14)
+
+
 @pytest.mark.parametrize("name", ["lever_arm_x", "accel_quadratic_x"])
 def test_rest_makes_nothing_of_level_errors(name):
     course = north_errors(

@@ -2,7 +2,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import paper_schedule, paper_truth
+from conftest import SITES, paper_schedule, paper_truth
 
 from inscal import parameters
 from inscal.information import parameter_information
@@ -50,6 +50,16 @@ def test_against_the_covariance_recursion(positions, duration, model, tolerance)
     expected = compute_gains(transitions, model, NOISE, STD).covariance
     count = parameters.COUNT
     assert scaled_difference(bound, expected[:count, :count]) < tolerance
+
+
+@pytest.mark.parametrize("interval", [0.1, 10.0])
+@pytest.mark.parametrize("place", ["south", "north pole"])
+def test_against_the_covariance_recursion_elsewhere(place, interval):
+    schedule = paper_schedule(6, position_duration=50.0)
+    transitions = build_transitions(schedule, SITES[place], FULL, NOISE, update_interval=interval)
+    bound = parameter_information(transitions, FULL, NOISE, STD).bayesian_covariance(SIZE)
+    expected = compute_gains(transitions, FULL, NOISE, STD).covariance
+    assert scaled_difference(bound, expected[:27, :27]) < 1e-8
 
 
 def test_against_the_joint_gaussian_of_all_states():

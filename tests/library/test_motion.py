@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
-from conftest import paper_schedule
+from conftest import SITES, paper_schedule
 from scipy.integrate import quad_vec
+from scipy.spatial.transform import Rotation
 
 from inscal import earth
 from inscal.motion import Site, attitude_at, build_motion, update_count
-from inscal.schedule import segments
+from inscal.schedule import Schedule, segments, turns_of
 
 SITE = Site(np.deg2rad(39.98), 50.0)
 
@@ -37,6 +38,56 @@ def test_increments_against_quadrature_of_the_motion():
         np.testing.assert_allclose(motion.angle[i], angle, atol=1e-15)
         force = mean @ -earth.gravity_ned(SITE.latitude, SITE.height)
         np.testing.assert_allclose(motion.velocity[i], force, atol=1e-13)
+
+
+@pytest.mark.parametrize("place", SITES)
+@pytest.mark.parametrize("interval", [0.1, 1.6, 10.0])
+def test_whole_turns_and_dwells_against_what_the_earth_gives(place, interval):
+    """In axes of the Earth all rates and forces add up, whatever the way and the intervals."""
+    site = SITES[place]
+    turns = turns_of([(-45.0, "Z"), (225.0, "X"), (-360.0, "Y"), (-90.0, "X")])
+    schedule = Schedule(("West", "South", "Up"), turns, 80.0, np.deg2rad(7.0))
+    motion = build_motion(schedule, site, update_interval=interval, dwell_step=2.0, turn_step=0.3)
+    assert motion.updates == round(400.0 / interval)
+    ends = np.cumsum(motion.duration)[motion.update_step[1:] - 1]
+    np.testing.assert_allclose(ends, interval * np.arange(1, motion.updates + 1), atol=1e-9)
+    assert motion.duration.max() <= min(2.0, interval) + 1e-9
+    # the attitude that the increments lead to is that of the schedule
+    attitude = motion.initial_attitude
+    frame = earth.earth_rate_ned(site.latitude)
+    force = np.zeros(3)
+    for angle, velocity, dt in zip(motion.angle, motion.velocity, motion.duration, strict=True):
+        halfway = attitude @ Rotation.from_rotvec(0.5 * angle).as_matrix()
+        attitude = Rotation.from_rotvec(-frame * dt).as_matrix() @ attitude
+        attitude = attitude @ Rotation.from_rotvec(angle).as_matrix()
+        force += halfway @ velocity
+    last = segments(schedule)[-1]
+    np.testing.assert_allclose(attitude, last.attitude, atol=2e-3)
+    expected = -earth.gravity_ned(site.latitude, site.height) * 400.0
+    np.testing.assert_allclose(force, expected, atol=0.02 * 400.0)
+
+
+@pytest.mark.parametrize("place", SITES)
+def test_metres_are_arcs_of_the_ellipsoid(place):
+    site = SITES[place]
+
+    def point(latitude, longitude, height):
+        n = earth.radii_of_curvature(np.sin(latitude))[1]
+        east = (n + height) * np.cos(latitude)
+        up = (n * (1 - earth.ECCENTRICITY_SQUARED) + height) * np.sin(latitude)
+        return np.array([east * np.cos(longitude), east * np.sin(longitude), up])
+
+    for axis, step in enumerate((1e-4, 1e-4, 100.0)):
+        away = step * np.eye(3)[axis]
+        ends = [point(*([site.latitude, 0.0, site.height] + s * away)) for s in (1, -1)]
+        expected = np.linalg.norm(ends[0] - ends[1]) / (2 * step)
+        assert site.metres[axis] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("degrees", [89.991, -90.0])
+def test_no_site_where_north_is_no_direction(degrees):
+    with pytest.raises(ValueError, match=r"reach to 89\.99 deg"):
+        Site(np.deg2rad(degrees), 0.0)
 
 
 def test_steps_add_up_whatever_their_size():

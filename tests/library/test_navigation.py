@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
-from conftest import paper_schedule
+from conftest import SITES, paper_schedule
+from scipy.spatial.transform import Rotation
 
 from inscal import earth, navigation
 from inscal.motion import Site, build_motion
 from inscal.navigation import advance, rotate_left, site_constants
 from inscal.rotation import skew
+from inscal.schedule import Schedule, turns_of
 
 SITE = Site(np.deg2rad(39.98), 50.0)
 SCHULER = np.sqrt(9.8 / 6.37e6)
@@ -42,6 +44,65 @@ def test_stays_at_rest_through_every_turn_of_the_path():
                 site_constants(SITE),
             )
         assert np.abs(state[9:12]).max() < 1e-8 * max(1.0, (turn_step / 0.1) ** 3)  # m/s
+
+
+@pytest.mark.parametrize("place", SITES)
+def test_stays_at_rest_at_every_site(place):
+    site = SITES[place]
+    turns = turns_of([(-45.0, "Z"), (270.0, "X"), (-180.0, "Y")])
+    schedule = Schedule(("West", "South", "Up"), turns, 60.0, np.deg2rad(20.0))
+    motion = build_motion(schedule, site, update_interval=2.0, dwell_step=2.0, turn_step=0.1)
+    state = still(motion.initial_attitude)
+    for angle, velocity, dt in zip(motion.angle, motion.velocity, motion.duration, strict=True):
+        advance(state, 0, 0, tuple(angle), tuple(velocity), dt, site_constants(site))
+    assert np.abs(state[9:12]).max() < 2e-8  # m/s
+    assert np.abs(state[12:, 0] * site.metres).max() < 2e-6  # m
+
+
+@pytest.mark.parametrize("place", ["laboratory", "south", "equator"])
+@pytest.mark.parametrize("way", [(7.0, 0.0), (0.0, -9.0), (-4.0, 6.0)])
+def test_moving_on_the_ellipsoid_against_its_own_frame(place, way):
+    """One step of a body that moves level: rates and Coriolis by the frame's derivative."""
+    site, dt = SITES[place], 0.01
+    velocity = np.array([*way, 0.0])
+
+    def frame(t):  # north, east, down in axes of inertial space
+        latitude = site.latitude + velocity[0] * t / site.metres[0]
+        longitude = velocity[1] * t / site.metres[1] + earth.EARTH_RATE * t
+        s, c = np.sin(latitude), np.cos(latitude)
+        turn = Rotation.from_rotvec([0.0, 0.0, longitude]).as_matrix()
+        return turn @ np.array([[-s, 0.0, -c], [0.0, 1.0, 0.0], [c, 0.0, -s]])
+
+    step = 1e-2
+    spin = Rotation.from_matrix(frame(-step).T @ frame(step)).as_rotvec() / (2 * step)
+    earth_rate = earth.earth_rate_ned(site.latitude)
+    gravity = earth.gravity_ned(site.latitude, site.height)
+    # what holds the velocity in the frame: force against gravity and Coriolis
+    force = np.cross(earth_rate + spin, velocity) - gravity
+    state = still()
+    state[9:12, 0] = velocity
+    advance(state, 0, 0, tuple(spin * dt), tuple(force * dt), dt, site_constants(site))
+    np.testing.assert_allclose(state[:9, 0].reshape(3, 3), np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(state[9:12, 0], velocity, atol=1e-9)
+    moved = state[12:, 0] * site.metres / dt
+    np.testing.assert_allclose(moved, velocity, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("place", ["laboratory", "south", "equator"])
+def test_an_offset_is_the_same_as_another_site(place):
+    """Gravity, Earth rate and radii are those of where the navigation is, not of the site."""
+    site, offset = SITES[place], np.array([4e-3, 0.0, 700.0])
+    other = Site(site.latitude + offset[0], site.height + offset[2])
+    rng = np.random.default_rng(5)
+    there, here = still(), still()
+    there[9:12, 0] = here[9:12, 0] = rng.uniform(-20, 20, 3)
+    here[12:, 0] = offset
+    for _ in range(20):
+        angle, force = rng.uniform(-0.1, 0.1, 3), rng.uniform(-10, 10, 3)
+        advance(there, 0, 0, tuple(angle), tuple(force), 1.0, site_constants(other))
+        advance(here, 0, 0, tuple(angle), tuple(force), 1.0, site_constants(site))
+    np.testing.assert_allclose(here[:12], there[:12], rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(here[12:, 0] - offset, there[12:, 0], rtol=1e-9, atol=1e-12)
 
 
 def test_attitude_stays_orthonormal():
@@ -105,6 +166,15 @@ def test_east_velocity_is_felt_as_coriolis_and_transport():
     assert state[9, 0] / dt == pytest.approx(north, rel=1e-3)
     assert state[11, 0] / dt == pytest.approx(-up, rel=1e-3)
     assert state[13, 0] == pytest.approx(speed * dt / radius / cos_lat, rel=1e-4)
+
+
+@pytest.mark.parametrize("phi", [(0.2, -0.05, 0.1), (0.0, 0.2, 0.03), (-0.01, 0.02, 0.24)])
+def test_rotate_left_of_large_angles_is_a_rotation(phi):
+    before = Rotation.from_rotvec([0.3, -1.0, 2.0]).as_matrix()
+    state = still(before)
+    rotate_left(state, 0, 0, phi)
+    expected = Rotation.from_rotvec(phi).as_matrix() @ before
+    np.testing.assert_allclose(state[:9, 0].reshape(3, 3), expected, atol=1e-13)
 
 
 def test_rotate_left_is_the_matrix_exponential():

@@ -120,6 +120,48 @@ def test_window_averages_force_and_rates_over_both_turns():
     np.testing.assert_allclose(found, force, atol=1e-6)
 
 
+def test_window_averages_rates_over_both_turns():
+    """Earth rate over dwell and turns, and the turns themselves over the same time."""
+    schedule, rate = paper_schedule(), np.deg2rad(20.0)
+    convention = obs.Convention(gyro="turning", window=SEARCHED.window)
+    columns = [9 + NAMES.index(name) for name in ("gyro_k11", "gyro_k22", "gyro_k33")]
+    dwells = attitudes(schedule)
+    for position in (0, 4, 24):
+        dynamics = obs.system_matrices(schedule, SITE, convention)[position]
+        earth_ned = earth.earth_rate_ned(SITE.latitude)
+        whole, seen = 100.0, 100.0 * dwells[position].T @ earth_ned
+        for turn in (position - 1, position):
+            if not 0 <= turn < len(schedule.turns):
+                continue
+            vector = turn_vector(schedule.turns[turn])
+            length = np.linalg.norm(vector) / rate
+            seen += vector
+            for share in (np.arange(4000) + 0.5) / 4000:
+                attitude = dwells[turn] @ Rotation.from_rotvec(share * vector).as_matrix()
+                seen += length / 4000 * attitude.T @ earth_ned
+            whole += length
+        # the column of k_ii is that of C times the rate about i
+        found = np.diag(dwells[position].T @ dynamics[0:3, columns])
+        np.testing.assert_allclose(found, seen / whole, atol=1e-10)
+
+
+def test_without_a_window_rates_are_those_of_dwell_and_of_the_turn_that_ends_it():
+    schedule = paper_schedule()
+    dynamics = obs.system_matrices(schedule, SITE, obs.Convention(gyro="turning", lever="earth"))
+    columns = [9 + NAMES.index(name) for name in ("gyro_k11", "gyro_k22", "gyro_k33")]
+    lever = [9 + NAMES.index(f"lever_arm_{axis}") for axis in "xyz"]
+    for position, attitude in enumerate(attitudes(schedule)):
+        own = attitude.T @ earth.earth_rate_ned(SITE.latitude)
+        rate = own.copy()
+        if position < len(schedule.turns):
+            turn = schedule.turns[position]
+            rate[turn.axis] += np.sign(turn.angle) * schedule.turn_rate
+        found = np.diag(attitude.T @ dynamics[position, 0:3, columns].T)
+        np.testing.assert_allclose(found, rate, atol=1e-15)
+        arm = np.diag(-attitude.T @ dynamics[position, 3:6, lever].T)
+        np.testing.assert_allclose(arm, own @ own - own**2, atol=1e-20)
+
+
 def test_lever_arm_columns_start_where_told():
     dynamics = obs.system_matrices(paper_schedule(), SITE, SEARCHED)
     lever = dynamics[:, 3:6, 9:][..., INDEX["lever_arm"]]

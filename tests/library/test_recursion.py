@@ -6,7 +6,7 @@ from conftest import paper_schedule, paper_truth
 
 from inscal import parameters
 from inscal.motion import Site
-from inscal.recursion import ATTITUDE, InitialStd, compute_gains
+from inscal.recursion import ATTITUDE, InitialStd, compute_gains, square_root
 from inscal.state_model import NAVIGATION, NoiseModel, StateModel, build_transitions
 
 SITE = Site(np.deg2rad(39.98), 50.0)
@@ -70,6 +70,20 @@ def test_against_the_textbook_filter_in_joseph_form(states):
     assert scaled_difference(gains.covariance[inside], p[9:, 9:]) < 1e-9
     std = np.sqrt(np.diag(p)[9 : model.states])
     np.testing.assert_allclose(gains.parameter_std[-1, model.columns], std, rtol=1e-9)
+
+
+@pytest.mark.parametrize("rank", [3, 6])
+def test_square_root_of_mixed_units_and_any_rank(rank):
+    rng = np.random.default_rng(7)
+    size = np.array([1e-12, 1e-9, 1e-3, 1.0, 1e4, 1e7])
+    root = size[:, None] * rng.standard_normal((6, rank))
+    covariance = root @ root.T
+    found = square_root(covariance)
+    scale = np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    np.testing.assert_allclose(found @ found.T / scale, covariance / scale, atol=1e-14)
+    still = np.zeros((6, 6))
+    still[2:4, 2:4] = [[4.0, 1.0], [1.0, 9.0]]  # what no noise enters
+    np.testing.assert_allclose(square_root(still) @ square_root(still).T, still, atol=1e-15)
 
 
 def test_against_the_joint_posterior_of_all_states():

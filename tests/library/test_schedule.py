@@ -2,7 +2,16 @@ import numpy as np
 import pytest
 from conftest import paper_schedule
 
-from inscal.schedule import Schedule, Turn, initial_attitude, postures, segments, weak_pairs
+from inscal.schedule import (
+    Schedule,
+    Turn,
+    attitudes,
+    initial_attitude,
+    postures,
+    segments,
+    turns_of,
+    weak_pairs,
+)
 
 # the postures of the paper's Table 1, first letters of X, Y, Z
 TABLE_1 = (
@@ -41,6 +50,34 @@ def test_path_that_never_shows_y_up_names_the_pair():
 def test_axis_never_level_merges_bias_and_quadratic():
     schedule = Schedule(("North", "East", "Down"), (Turn(np.pi, 0),), 100.0, 0.2)
     assert ("accel_bias_z", "accel_quadratic_z", "z level") in weak_pairs(schedule)
+
+
+def test_turns_go_the_way_of_their_sign():
+    # right-handed about x: y goes to where z was; the other way round, z goes to where y was
+    names = ("North", "East", "Down")
+    for angle, expected in (
+        (np.pi / 2, ("North", "Down", "West")),
+        (-np.pi / 2, ("North", "Up", "East")),
+        (np.pi, ("North", "West", "Up")),
+        (-1.5 * np.pi, ("North", "Down", "West")),
+        (-2 * np.pi, names),
+    ):
+        schedule = Schedule(names, (Turn(angle, 0),), 100.0, 0.2)
+        assert postures(schedule)[1] == expected
+        turn = segments(schedule)[1]
+        assert turn.rate.tolist() == [np.sign(angle) * 0.2, 0.0, 0.0]
+        assert turn.end - turn.start == pytest.approx(abs(angle) / 0.2)
+
+
+def test_a_turn_of_45_degrees_is_half_of_one_of_90():
+    names = ("South", "Up", "West")
+    half = attitudes(Schedule(names, turns_of([(-45.0, "Z")] * 2), 100.0, 0.2))
+    whole = attitudes(Schedule(names, turns_of([(-90.0, "Z")]), 100.0, 0.2))
+    np.testing.assert_allclose(half[-1], whole[-1], atol=1e-15)
+    # x is midway between where it was, south, and where it goes: -y, that is down
+    np.testing.assert_allclose(half[1][:, 0], [-np.sqrt(0.5), 0.0, np.sqrt(0.5)], atol=1e-15)
+    with pytest.raises(ValueError, match="position 2 points an axis along no named direction"):
+        postures(Schedule(names, turns_of([(45.0, "X")]), 100.0, 0.2))
 
 
 def test_segments_follow_each_other_without_gaps():

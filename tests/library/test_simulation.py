@@ -34,7 +34,7 @@ def test_streams_depend_on_seed_run_and_purpose_only():
     draws = {
         (seed, run, purpose): tuple(generator(seed, run, purpose).standard_normal(3))
         for seed in (1, 2)
-        for run in (0, 1, 10**6)
+        for run in (0, 1, 256, 2**16, 10**6, 2**32, 2**32 + 1)
         for purpose in PURPOSES
     }
     assert len(set(draws.values())) == len(draws)
@@ -101,6 +101,42 @@ def test_noise_is_shared_between_noise_levels(motion):
     np.testing.assert_allclose(two.observations, 2 * one.observations, rtol=1e-15)
 
 
+def test_truth_depends_on_seed_and_run():
+    for distribution in ("normal", "uniform"):
+        model = TruthModel(distribution, SIZE)
+        keys = [(1, 0), (1, 1), (1, 256), (1, 2**32), (2, 0)]
+        drawn = {key: tuple(draw_truth(model, *key)) for key in keys}
+        assert len(set(drawn.values())) == len(keys)
+        assert drawn[1, 256] == tuple(draw_truth(model, 1, 256))
+
+
+def test_a_record_depends_on_seed_and_run(motion):
+    """Runs that are equal modulo a power of two are others, in all that is drawn."""
+    runs = [0, 256, 2**16, 2**32, *range(1, LANES - 3)]
+    lanes = np.broadcast_to(SIZE[:, None], (27, LANES))
+    records = [
+        simulate(lanes, motion, NOISE, STD, seed=seed, runs=runs, workspace=Workspace.of(motion))
+        for seed in (9, 10)
+    ]
+    for name in ("sensors", "observations", "attitude", "velocity", "position"):
+        both = np.concatenate([getattr(record, name) for record in records], axis=-1)
+        flat = both.reshape(-1, 2 * LANES)
+        assert len({column.tobytes() for column in flat.T}) == 2 * LANES, name
+
+
+@pytest.mark.parametrize("step", [0.1, 1.0, 4.0])
+def test_sensor_noise_grows_with_the_root_of_any_step(step):
+    schedule = paper_schedule(1, position_duration=800.0)
+    motion = build_motion(schedule, SITE, update_interval=8.0, dwell_step=step, turn_step=0.1)
+    record = record_of(motion, np.zeros(27))
+    true = np.concatenate([motion.angle, motion.velocity], axis=1)[..., None]
+    spread = (record.sensors - true).std(axis=(0, 2)) / np.sqrt(step)
+    expected = np.repeat([NOISE.gyro, NOISE.accel], 3)
+    within = 5 / np.sqrt(2 * motion.steps * LANES)
+    assert motion.steps == round(800.0 / step)
+    assert np.abs(spread / expected - 1).max() < within
+
+
 def test_truth_distributions():
     runs = 4000
     normal = np.array([draw_truth(TruthModel("normal", SIZE), 1, r) for r in range(runs)]) / SIZE
@@ -108,6 +144,7 @@ def test_truth_distributions():
     assert np.abs(normal.mean(axis=0)).max() < 5 / np.sqrt(runs)
     assert np.abs(normal.var(axis=0) - 1).max() < 5 * np.sqrt(2 / runs)
     assert np.abs(uniform).max() < 1
+    assert np.abs(uniform.mean(axis=0)).max() < 5 / np.sqrt(3 * runs)
     assert np.abs(uniform.var(axis=0) - 1 / 3).max() < 0.03
     assert (draw_truth(TruthModel("fixed", SIZE), 1, 5) == SIZE).all()
     with pytest.raises(ValueError, match="fixed, normal or uniform"):

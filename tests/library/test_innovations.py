@@ -1,0 +1,94 @@
+"""Innovation statistics of repeated runs, against the runs' own courses."""
+
+import numpy as np
+import pytest
+from conftest import paper_schedule, paper_truth
+from scipy import stats
+
+from inscal import parameters
+from inscal.estimator import Belief
+from inscal.experiment import prepare, run_with_history
+from inscal.innovations import sample, share_beyond_band, whiten
+from inscal.motion import Site
+from inscal.recursion import InitialStd
+from inscal.simulation import Truth, TruthModel
+from inscal.state_model import NoiseModel
+
+NOISE = NoiseModel(1.5e-7, 5e-5, 1e-3, 0.1)
+SIZE = paper_truth() * parameters.si_units(1673.84e-9)
+STD = InitialStd(np.deg2rad([0.1, 0.1, 0.5]), 0.01, 1.0, SIZE)
+RUNS = [5, 0, *range(40, 75)]  # more than there are lanes
+STRETCHES, LAGS = (slice(0, 90), slice(30, 120)), (1, 4)
+
+
+@pytest.fixture(scope="module")
+def experiment():
+    return prepare(
+        8,
+        paper_schedule(3, position_duration=40.0),
+        Site(np.deg2rad(-35.0), 700.0),
+        Truth(TruthModel("normal", SIZE), NOISE, STD),
+        Belief(NOISE, STD, passes=2, update_interval=1.0),
+        dwell_step=1.0,
+        turn_step=0.5,
+    )
+
+
+@pytest.fixture(scope="module")
+def taken(experiment):
+    return sample(experiment, RUNS, STRETCHES, LAGS)
+
+
+@pytest.mark.parametrize("place", [0, 1, 33, 36])
+def test_statistics_are_those_of_the_runs_courses(experiment, taken, place):
+    outcome, history = run_with_history(experiment, RUNS[place])
+    assert (taken.truth[place] == outcome.truth[0]).all()
+    assert (taken.estimate[place] == outcome.estimate[0]).all()
+    assert (taken.first_estimate[place] == history.estimate[0, -1, :, 0]).all()
+    for number in range(2):
+        covariance = experiment.estimator.gains(number).innovation_covariance
+        innovation = history.innovation[number, :, :, 0]
+        nis = [v @ np.linalg.solve(s, v) for v, s in zip(innovation, covariance, strict=True)]
+        np.testing.assert_allclose(taken.nis[number, :, place], nis, rtol=1e-8)
+        unit = np.array(
+            [
+                np.linalg.solve(np.linalg.cholesky(s), v)
+                for v, s in zip(innovation, covariance, strict=True)
+            ]
+        )
+        for row, stretch in enumerate(STRETCHES):
+            for column, lag in enumerate(LAGS):
+                early, late = unit[stretch][:-lag], unit[stretch][lag:]
+                power = (early**2).sum(axis=0) * (late**2).sum(axis=0)
+                expected = (early * late).sum(axis=0) / np.sqrt(power)
+                found = taken.autocorrelation[number, row, column, :, place]
+                np.testing.assert_allclose(found, expected, rtol=1e-8)
+
+
+def test_whitened_innovations_have_unit_covariance():
+    rng = np.random.default_rng(2)
+    root = np.tril(rng.standard_normal((4, 6, 6))) + 3 * np.eye(6)
+    unit = rng.standard_normal((4, 6, 5))
+    root *= np.sign(np.diagonal(root, axis1=1, axis2=2))[:, None, :]
+    np.testing.assert_allclose(whiten(root @ unit, root @ root.mT), unit, rtol=1e-9)
+
+
+def test_share_beyond_the_band_is_counted_lag_by_lag():
+    updates, lags = 100, (1, 64)
+    limits = [stats.norm.ppf(0.975) / np.sqrt(updates - lag) for lag in lags]
+    # inside, outside either way at each lag; the second band is wider
+    correlation = np.array(
+        [
+            [[0.99 * limits[0], -1.01 * limits[0]], [0.5 * limits[1], 0.0]],
+            [[0.99 * limits[1], 1.01 * limits[0]], [-1.01 * limits[1], 1.01 * limits[1]]],
+        ]
+    )
+    share = share_beyond_band(correlation, updates, lags)
+    assert 0.5 * limits[1] < limits[0] < 1.01 * limits[0] < limits[1]
+    outside = 1 + 2  # at the first lag and at the second
+    assert share.value == outside / 8
+    z = stats.norm.ppf(0.995)
+    centre = (outside + z**2 / 2) / (8 + z**2)
+    half = z / (8 + z**2) * np.sqrt(outside * (1 - outside / 8) + z**2 / 4)
+    np.testing.assert_allclose([share.lower, share.upper], [max(centre - half, 0), centre + half])
+    assert share_beyond_band(correlation, updates, lags, band=0.999).value == 0.0
