@@ -24,7 +24,7 @@ from inscal.statistics import Bounded, autocorrelation, white_band, wilson_inter
 
 
 @dataclass(frozen=True)
-class Sample:
+class InnovationStatistics:
     """Innovation statistics of some runs, by pass.
 
     Attributes
@@ -43,9 +43,9 @@ class Sample:
     first_estimate: np.ndarray
 
 
-def sample(
+def innovation_statistics(
     experiment: Experiment, runs: Sequence[int], stretches: Sequence[slice], lags: Sequence[int]
-) -> Sample:
+) -> InnovationStatistics:
     """Repeat runs and keep the statistics of their innovations.
 
     Parameters
@@ -60,12 +60,12 @@ def sample(
 
     Returns
     -------
-    Sample
+    InnovationStatistics
     """
     passes, updates = experiment.estimator.passes, experiment.motion.updates
     history = empty_history(passes, updates)
     covariance = [experiment.estimator.gains(p).innovation_covariance for p in range(passes)]
-    result = Sample(
+    result = InnovationStatistics(
         np.empty((passes, updates, len(runs))),
         np.empty((passes, len(stretches), len(lags), OBSERVED, len(runs))),
         *(np.empty((len(runs), COUNT)) for _ in range(3)),

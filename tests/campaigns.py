@@ -79,9 +79,9 @@ def run_stage(module, *overrides):
     return Ended(code, out.getvalue(), err.getvalue())
 
 
-def error_lines(ended):
-    """Lines on standard error without the warnings about a short path."""
-    return [line for line in ended.err.splitlines() if not line.startswith("warning: schedule")]
+def error_lines(err):
+    """Lines on standard error without the warnings of a path so short."""
+    return [line for line in err.splitlines() if not line.startswith("warning: ")]
 
 
 @contextmanager

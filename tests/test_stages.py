@@ -126,7 +126,7 @@ def test_predict_where_nothing_can_be_written(cwd):
     (cwd / "file").write_text("")
     ended = run_stage(predict, *SHORT, "out=file/predicted.json")
     assert ended.code == 2
-    (line,) = error_lines(ended)
+    (line,) = error_lines(ended.err)
     assert line.startswith("error: file/predicted.json: cannot be written (")
 
 

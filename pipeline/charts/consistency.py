@@ -9,7 +9,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from inscal import statistics
-from inscal.innovations import Sample
+from inscal.innovations import InnovationStatistics
 from inscal.parameters import NAMES
 from inscal.record import OBSERVED
 from pipeline.charts import style
@@ -92,12 +92,12 @@ def _draw_zip(axes: Axes, score: np.ndarray) -> None:
 
 
 @style.styled
-def innovations(repeated: Sample, study: xr.Dataset) -> Figure:
+def innovations(repeated: InnovationStatistics, study: xr.Dataset) -> Figure:
     """NIS over time, and autocorrelations against the band of white noise, by pass.
 
     Parameters
     ----------
-    repeated : Sample
+    repeated : InnovationStatistics
     study : xarray.Dataset
         With the attributes of the stage.
 

@@ -7,7 +7,7 @@ import xarray as xr
 
 from inscal.experiment import Experiment
 from inscal.information import parameter_information
-from inscal.innovations import Sample, sample
+from inscal.innovations import InnovationStatistics, innovation_statistics
 from inscal.parameters import NAMES
 from pipeline.campaign import store
 from pipeline.config.schema import Config
@@ -71,7 +71,7 @@ def bounds_of(config: Config, experiment: Experiment) -> Bounds:
     )
 
 
-def repeat_runs(done: xr.Dataset, config: Config, experiment: Experiment) -> Sample:
+def repeat_runs(done: xr.Dataset, config: Config, experiment: Experiment) -> InnovationStatistics:
     """Repeat the first runs done and keep the statistics of their innovations.
 
     Raises
@@ -84,7 +84,7 @@ def repeat_runs(done: xr.Dataset, config: Config, experiment: Experiment) -> Sam
     stretches = [
         numbers.updates_of(s, positions, updates) for s in numbers.stretches_of(positions, updates)
     ]
-    result = sample(experiment, runs, stretches, LAGS)
+    result = innovation_statistics(experiment, runs, stretches, LAGS)
     stored = done["estimate"].transpose("run", "parameter").to_numpy()[: len(runs)]
     unit = Setup(config).unit
     difference = np.abs(result.estimate / unit - stored) / done["predicted_std"].to_numpy()

@@ -12,7 +12,7 @@ from scipy import stats
 
 from inscal import statistics
 from inscal.experiment import Experiment
-from inscal.innovations import Sample, share_beyond_band
+from inscal.innovations import InnovationStatistics, share_beyond_band
 from inscal.parameters import COUNT
 from inscal.record import OBSERVED
 from inscal.statistics import Bounded, Estimate
@@ -135,12 +135,14 @@ def stretches_of(positions: int, updates: int) -> list[range]:
     return list(dict.fromkeys([range(positions), range(1), *several]))
 
 
-def innovations(repeated: Sample, experiment: Experiment, positions: int) -> dict[str, Any]:
+def innovations(
+    repeated: InnovationStatistics, experiment: Experiment, positions: int
+) -> dict[str, Any]:
     """Judge the innovations of every pass.
 
     Parameters
     ----------
-    repeated : Sample
+    repeated : InnovationStatistics
         From `repeat_runs`.
     experiment : Experiment
     positions : int

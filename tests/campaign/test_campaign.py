@@ -143,7 +143,7 @@ def test_kill_and_resume(tmp_path, monkeypatch, capsys):
     capsys.readouterr()
     make(path, runs)
     assert sorted(made) == left
-    lines = capsys.readouterr().err.splitlines()
+    lines = error_lines(capsys.readouterr().err)
     assert lines[0] == f"campaign: resuming after {done} of 2500 runs"
     assert lines[-1].startswith("campaign: 2500 of 2500 runs, ")
     assert (store.read(path).status == store.DONE).all()
@@ -207,13 +207,13 @@ def test_diverging_runs_are_recorded_and_named(diverging):
     assert np.isfinite(dataset.truth).all()
     for name in ("passes", "reason"):
         assert (dataset[name].sel(run=failed) > 0).all()
-    named = [line for line in error_lines(ended) if "failed" in line]
+    named = [line for line in error_lines(ended.err) if "failed" in line]
     assert named == [
         f"campaign: run {run} failed: {REASONS[dataset.reason.values[run]]} (seed 20260101); "
         f"repeat with only_run={run}"
         for run in failed
     ]
-    assert error_lines(ended)[-1].startswith("campaign: 30 of 30 runs, ")
+    assert error_lines(ended.err)[-1].startswith("campaign: 30 of 30 runs, ")
 
 
 @pytest.mark.parametrize("batch", [1, 7])
@@ -276,7 +276,7 @@ def test_more_failed_runs_than_allowed_end_a_stage_with_exit_code_1(
 def test_plain_output_is_one_line(tmp_path):
     ended = run_stage(simulate, *SHORT, f"campaign.store={tmp_path / 'campaign'}")
     assert (ended.code, ended.out) == (0, "")
-    (line,) = error_lines(ended)
+    (line,) = error_lines(ended.err)
     assert re.fullmatch(r"campaign: 30 of 30 runs, \d+\.\d s, \d+ runs/s", line)
 
 
@@ -285,7 +285,7 @@ def test_resumed_output_is_two_lines(tmp_path):
     opened = store.open_store(config, np.ones(COUNT))
     store.write(opened, config, [([0, 1, 2], worker.attempt(Setup(config).experiment, [0, 1, 2]))])
     ended = run_stage(simulate, *SHORT, f"campaign.store={tmp_path / 'campaign'}")
-    first, last = error_lines(ended)
+    first, last = error_lines(ended.err)
     assert first == "campaign: resuming after 3 of 30 runs"
     # the rate is that of the runs made now
     done = re.fullmatch(r"campaign: 30 of 30 runs, (\d+\.\d) s, (\d+) runs/s", last)
@@ -313,6 +313,6 @@ def test_store_in_the_way_ends_the_stage_with_exit_code_2(tmp_path, short_store)
     before = files(short_store)
     ended = run_stage(simulate, *SHORT, "campaign.seed=3", f"campaign.store={short_store}")
     assert ended.code == 2
-    (line,) = error_lines(ended)
+    (line,) = error_lines(ended.err)
     assert line.startswith(f"error: campaign.store = {short_store}: holds a campaign of another")
     assert files(short_store) == before

@@ -65,7 +65,7 @@ def test_no_scheduler(tmp_path, monkeypatch):
     start = time.monotonic()
     ended = run_stage(simulate, *overrides, f"campaign.store={path}")
     assert ended.code == 2
-    assert error_lines(ended) == [f"error: cluster.address = {address}: no scheduler answers"]
+    assert error_lines(ended.err) == [f"error: cluster.address = {address}: no scheduler answers"]
     assert time.monotonic() - start < 20
 
 
@@ -127,7 +127,7 @@ def test_slurm_needs_dask_jobqueue(tmp_path, monkeypatch):
     path = tmp_path / "campaign"
     ended = run_stage(simulate, *SHORT, "cluster=slurm", f"campaign.store={path}")
     assert ended.code == 2
-    assert error_lines(ended) == [
+    assert error_lines(ended.err) == [
         "error: cluster = slurm: needs dask-jobqueue, pip install -e '.[slurm]'"
     ]
     assert not path.exists()
@@ -139,7 +139,7 @@ def test_without_sbatch_the_job_script_is_printed(tmp_path, monkeypatch):
     overrides = ["cluster=slurm", "cluster.account=physics", "cluster.memory='16 GiB'"]
     ended = run_stage(simulate, *SHORT, *overrides, f"campaign.store={tmp_path / 'campaign'}")
     assert ended.code == 2
-    assert error_lines(ended) == [
+    assert error_lines(ended.err) == [
         "error: cluster = slurm: no sbatch on this machine; "
         "the job script it would submit is on standard output"
     ]

@@ -38,7 +38,7 @@ def test_only_run_where_nothing_can_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     ended = run_stage(simulate, *SHORT, "only_run=2", f"out={tmp_path / 'file' / 'run.nc'}")
     assert ended.code == 2
-    assert len(error_lines(ended)) == 1
+    assert len(error_lines(ended.err)) == 1
     assert "run.nc: cannot be written" in ended.err
 
 

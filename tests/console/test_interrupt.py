@@ -56,7 +56,7 @@ def ended(process, seconds=30.0):
     while group_of(process.pid):
         assert time.monotonic() < end, group_of(process.pid)
         time.sleep(0.05)
-    return process.returncode, out, [x for x in err.splitlines() if not x.startswith("warning: s")]
+    return process.returncode, out, error_lines(err)
 
 
 def group_of(leader):
@@ -137,8 +137,10 @@ def test_all_that_is_finished_is_written_when_the_interrupt_comes(tmp_path, monk
     stopped = run_stage(simulate, *SHORT, "campaign.batch=2", f"campaign.store={path}")
     assert stopped.code == 130
     assert int((store.read(path).status == store.DONE).sum()) == sum(finished) == 10
-    assert error_lines(stopped)[0].startswith(f"interrupted: 10 of 30 runs are kept in {path}; to")
-    assert len(error_lines(stopped)) == 1
+    assert error_lines(stopped.err)[0].startswith(
+        f"interrupted: 10 of 30 runs are kept in {path}; to"
+    )
+    assert len(error_lines(stopped.err)) == 1
 
 
 def test_an_interrupt_while_the_workers_start(tmp_path, monkeypatch):
@@ -152,7 +154,7 @@ def test_an_interrupt_while_the_workers_start(tmp_path, monkeypatch):
     path = tmp_path / "campaign"
     stopped = run_stage(simulate, *SHORT, f"campaign.store={path}")
     assert stopped.code == 143
-    (line,) = error_lines(stopped)
+    (line,) = error_lines(stopped.err)
     assert line.startswith(f"interrupted: 0 of 30 runs are kept in {path}; to go on: ")
     with pytest.raises(ValueError, match="No global client"):
         get_client()  # what started after all was closed
@@ -275,7 +277,7 @@ def test_one_writer_of_a_store_at_a_time(tmp_path):
         refused = run_stage(simulate, *SHORT, f"campaign.store={path}")
         assert refused.code == 2
         said = f"error: campaign.store = {path}: another process is writing it"
-        assert error_lines(refused) == [said]
+        assert error_lines(refused.err) == [said]
         assert not path.exists()
     assert run_stage(simulate, *SHORT, f"campaign.store={path}").code == 0
     assert {*path.parent.iterdir()} == {path, log_path(path)}
@@ -328,7 +330,7 @@ def test_a_foreign_service_at_the_address(tmp_path, monkeypatch):
         )
         service.shutdown()
     assert refused.code == 2
-    assert error_lines(refused) == [f"error: cluster.address = {address}: no scheduler answers"]
+    assert error_lines(refused.err) == [f"error: cluster.address = {address}: no scheduler answers"]
     assert time.monotonic() - start < 20
 
 

@@ -8,7 +8,7 @@ from scipy import stats
 from inscal import parameters
 from inscal.estimator import Belief
 from inscal.experiment import prepare, run_with_history
-from inscal.innovations import sample, share_beyond_band, whiten
+from inscal.innovations import innovation_statistics, share_beyond_band, whiten
 from inscal.motion import Site
 from inscal.recursion import InitialStd
 from inscal.simulation import Truth, TruthModel
@@ -36,7 +36,7 @@ def experiment():
 
 @pytest.fixture(scope="module")
 def taken(experiment):
-    return sample(experiment, RUNS, STRETCHES, LAGS)
+    return innovation_statistics(experiment, RUNS, STRETCHES, LAGS)
 
 
 @pytest.mark.parametrize("place", [0, 1, 33, 36])

@@ -253,7 +253,7 @@ def test_bad_campaigns_end_in_one_line(tmp_path, monkeypatch, given, expected):
     monkeypatch.chdir(tmp_path)
     ended = run_stage(report, given)
     assert (ended.code, ended.out) == (2, "")
-    assert error_lines(ended) == [f"error: {expected}"]
+    assert error_lines(ended.err) == [f"error: {expected}"]
     assert [*tmp_path.iterdir()] == []
 
 
@@ -264,11 +264,11 @@ def test_page_of_too_few_runs_or_to_another_kind_of_file_is_refused(tmp_path, mo
     left = sorted(tmp_path.iterdir())
     few = run_stage(report, f"campaigns=[{path}]")
     assert few.code == 2
-    assert error_lines(few) == [
+    assert error_lines(few.err) == [
         f"error: campaign store {path}: 1 of 30 runs done; a report needs two"
     ]
     kind = run_stage(report, f"campaigns=[{path}]", "out=page.md")
-    assert error_lines(kind) == ["error: out = 'page.md': must be an HTML file"]
+    assert error_lines(kind.err) == ["error: out = 'page.md': must be an HTML file"]
     assert sorted(tmp_path.iterdir()) == left
 
 
