@@ -1,6 +1,6 @@
 """Stage `consistency_power`: how often a perfect filter misses goals of `consistency`, and others.
 
-Usage: ``python -m pipeline.consistency_power [campaign.store=...]``, some three minutes on one core
+Usage: ``python -m pipeline.consistency_power [campaign.store=...]``, half a minute on one core
 
 Draws campaigns as large as one that is judged, of a perfect filter and of filters whose claimed
 sigmas are too small, and counts those that miss a goal. It writes results/consistency/power.json,

@@ -55,11 +55,11 @@ class Kind(NamedTuple):
 _ALL, _ONE = slice(None), slice(0, 1)
 
 KINDS = {
-    PERFECT: Kind("no sigma", 0.0, _ALL, 40_000),
-    "all_5_percent": Kind("all sigmas", 0.05, _ALL, 2000),
-    "all_2_percent": Kind("all sigmas", 0.02, _ALL, 2000),
-    "one_20_percent": Kind("one sigma", 0.20, _ONE, 2000),
-    "one_10_percent": Kind("one sigma", 0.10, _ONE, 2000),
+    PERFECT: Kind("no sigma", 0.0, _ALL, 10_000),
+    "all_5_percent": Kind("all sigmas", 0.05, _ALL, 1000),
+    "all_2_percent": Kind("all sigmas", 0.02, _ALL, 1000),
+    "one_20_percent": Kind("one sigma", 0.20, _ONE, 1000),
+    "one_10_percent": Kind("one sigma", 0.10, _ONE, 1000),
 }
 """By key of what was measured."""
 

@@ -14,7 +14,8 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from inscal import chance
-from pipeline.study.verdict import UNDECIDED
+from pipeline.study.verdict import MET, NOT_MET, UNDECIDED, Verdict
+from pipeline.words import markdown as md
 
 HONEST = "honest"
 """Word for sigmas that are not refuted by runs that would have shown an error of `BLIND`."""
@@ -53,6 +54,12 @@ def ratios(summary: Summary) -> dict[str, float]:
     """RMSE over predicted standard deviation of the parameters the filter models."""
     table = {name: row["rmse_over_predicted"] for name, row in summary["parameters"].items()}
     return {name: ratio for name, ratio in table.items() if math.isfinite(ratio)}
+
+
+def most_deviant(summary: Summary) -> str:
+    """Name the parameter whose RMSE is farthest from the predicted one, by factor."""
+    table = ratios(summary)
+    return max(table, key=lambda name: abs(math.log(table[name])))
 
 
 def one_level(count: int) -> float:
@@ -110,3 +117,47 @@ def sigma_word(summary: Summary, name: str) -> str:
         return found[name]
     seen = sight(summary["runs_done"], len(ratios(summary))).one
     return HONEST if seen <= BLIND else UNDECIDED
+
+
+def checks(name: str, summary: Summary) -> list[Verdict]:
+    """Judge the sigmas of a campaign, all together and one by one.
+
+    Parameters
+    ----------
+    name : str
+        Of the campaign.
+    summary : summary
+
+    Returns
+    -------
+    list of Verdict
+        With what the runs would have shown in `POWER` of campaigns.
+    """
+    found = ratios(summary)
+    runs, count, mean = summary["runs_done"], len(found), summary["nees_mean"]
+    seen = sight(runs, count)
+    (low, high), (least, most) = nees_limits(runs, count), ratio_limits(runs, count)
+    outside = refuted(summary)
+    return [
+        _check(
+            f"{md.code(name)}: the mean NEES does not refute the sigmas {_power(seen.every)}",
+            f"mean NEES {md.number(mean)}, not refuted from {low:.2f} to {high:.2f}",
+            refuted=not low <= mean <= high,
+            seen=seen,
+        ),
+        _check(
+            f"{md.code(name)}: no RMSE refutes its sigma {_power(seen.one)}",
+            f"RMSE/predicted {min(found.values()):.3f} to {max(found.values()):.3f}, not refuted "
+            f"from {least:.3f} to {most:.3f}{md.named(list(outside))}",
+            refuted=bool(outside),
+            seen=seen,
+        ),
+    ]
+
+
+def _power(too_small: float) -> str:
+    return f"({100 * POWER:g} % power at {md.percent(too_small)} too small)"
+
+
+def _check(claim: str, found: str, *, refuted: bool, seen: Sight) -> Verdict:
+    return Verdict(claim, found, NOT_MET if refuted else MET if seen.one <= BLIND else UNDECIDED)
