@@ -135,14 +135,14 @@ def rmse(error: ArrayLike, confidence: float = 0.95) -> Bounded:
     Analysis 50:775-782, does so for a variance). So few runs, which do not know their kurtosis, get
     the interval of normal errors, many the one of their own. 95 % cover, measured,
 
-    ====================== ==== ==== ==== ==== ====
-    errors, runs:           3   10   32  100  500
-    ====================== ==== ==== ==== ==== ====
-    normal                 94.9 95.1 94.7 94.9 95.0
-    normal, bias 3 sigma    100  100  100 99.8 98.3
-    uniform                99.1 99.6 99.5 98.5 96.7
-    Student's t, 6 degrees 91.4 88.3 88.0 90.4 93.2
-    ====================== ==== ==== ==== ==== ====
+    ======================  ====  ====  ====  ====  ====
+    errors; runs:              3    10    32   100   500
+    ======================  ====  ====  ====  ====  ====
+    of normal errors        94.9  95.1  94.7  94.9  95.0
+    with a bias of 3 sigma   100   100   100  99.8  98.3
+    uniform                 99.1  99.6  99.5  98.5  96.7
+    Student, 6 degrees      91.4  88.3  88.0  90.4  93.2
+    ======================  ====  ====  ====  ====  ====
     """
     values = checked_errors(error)
     value = np.sqrt(np.square(values).mean(axis=0))

@@ -1,5 +1,4 @@
 import copy
-import dataclasses
 import json
 import re
 from types import SimpleNamespace
@@ -7,34 +6,27 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import xarray as xr
-import zarr
-from campaigns import SHORT, make, run_stage, short
+from campaigns import make, run_stage
 from conftest import paper_bounds
 from scipy import stats
 
-from inscal import statistics
 from inscal.estimator import CONSTANTS
-from inscal.experiment import run, run_with_history
 from inscal.innovations import (
     InnovationStatistics,
     autocorrelation,
-    innovation_statistics,
     share_beyond_band,
-    whiten,
 )
 from inscal.parameters import COUNT, NAMES, UNITS
 from pipeline import consistency
 from pipeline.campaign.judged import as_json
 from pipeline.charts import consistency as consistency_plots
-from pipeline.config.load import config_of, load, resolved
-from pipeline.config.setup import Setup
+from pipeline.config.load import load, resolved
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
 from pipeline.proof import goals as consistency_goals
 from pipeline.proof import looks
 from pipeline.proof import report as consistency_report
 from pipeline.proof import statistics as numbers
-from pipeline.proof.repeat import done_of, repeat_runs
 from pipeline.proof.statistics import LAGS, Bounds
 
 SIGMA = paper_bounds() / 5.0
@@ -275,15 +267,6 @@ def test_numbers_of_a_tiny_campaign_by_hand():
     assert (study["coverage_1_sigma_lower_all"] < study["coverage_1_sigma_lower"]).all()
 
 
-def test_whitening_leaves_unit_sequences():
-    rng = np.random.default_rng(3)
-    root = np.tril(rng.standard_normal((7, 6, 6))) + 3 * np.eye(6)
-    unit = rng.standard_normal((7, 6, 4))
-    covariance = root @ np.swapaxes(root, 1, 2)
-    signs = np.sign(root.diagonal(axis1=1, axis2=2))[..., None]
-    np.testing.assert_allclose(whiten(root @ unit, covariance), signs * unit, rtol=1e-9)
-
-
 def test_white_sequences_are_told_from_others():
     white, colored = (correlations(unit_sequences(phi)) for phi in (0.0, 0.1))
     share = share_beyond_band(white, UPDATES, LAGS)
@@ -327,41 +310,8 @@ def test_zip_plot_shows_every_miss():
     assert limits[1] > missing[..., 0].max()
 
 
-@pytest.fixture(scope="module")
-def short_campaign(tmp_path_factory):
-    path = tmp_path_factory.mktemp("consistency") / "campaign"
-    make(path, "campaign.runs=40")
-    return path
-
-
-def test_sample_repeats_the_runs(short_campaign):
-    experiment = Setup(short(short_campaign)).experiment
-    updates = experiment.motion.updates
-    runs = [*range(33), 35]  # more than a tile, with a gap
-    found = innovation_statistics(experiment, runs, [slice(0, updates), slice(40, 80)], LAGS)
-    outcome = run(experiment, runs)
-    np.testing.assert_array_equal(found.estimate, outcome.estimate)
-    np.testing.assert_array_equal(found.truth, outcome.truth)
-    single = dataclasses.replace(
-        experiment,
-        estimator=dataclasses.replace(experiment.estimator, passes=1, max_passes=1),
-    )
-    np.testing.assert_array_equal(found.first_estimate, run(single, runs).estimate)
-    _, history = run_with_history(experiment, 35)
-    for number in range(2):
-        innovation = history.innovation[number, ..., 0]
-        covariance = experiment.estimator.gains(number).innovation_covariance
-        nis = statistics.nees(innovation, covariance)
-        np.testing.assert_allclose(found.nis[number, :, -1], nis, rtol=1e-9)
-        unit = np.linalg.solve(np.linalg.cholesky(covariance), innovation[..., None])[..., 0]
-        expected = autocorrelation(unit[40:80], LAGS)
-        np.testing.assert_allclose(
-            found.autocorrelation[number, 1, ..., -1], expected, rtol=1e-7, atol=1e-9
-        )
-
-
-def test_stage_writes_the_same_files_every_time(short_campaign, tmp_path, monkeypatch):
-    results = []
+def test_stage_writes_the_same_files_every_time(tmp_path, monkeypatch):
+    short_campaign, results = make(tmp_path / "campaign", "campaign.runs=40"), []
     for number in range(2):
         folder = tmp_path / str(number)
         folder.mkdir()
@@ -386,40 +336,3 @@ def test_stage_writes_the_same_files_every_time(short_campaign, tmp_path, monkey
     assert f"Goals met: {13 - len(missed(study))} of 13" in text
     for link in re.findall(r"\]\(([^)]*)\)", text):
         assert f"results/{link}" in results[0]
-
-
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (("truth=paper",), "truth.distribution = normal"),
-        (
-            ("estimator.states=[gyro_bias,accel_bias]", "estimator.max_passes=null"),
-            "does not estimate all",
-        ),
-    ],
-)
-def test_campaigns_that_cannot_be_judged_are_refused(tmp_path, overrides, message):
-    path = make(tmp_path / "campaign", "campaign.runs=3", *overrides)
-    with pytest.raises(DataError, match=message):
-        done_of(path)
-
-
-def test_unfinished_and_stale_campaigns_are_refused(short_campaign, tmp_path):
-    path = make(tmp_path / "campaign", "campaign.runs=3")
-    done = done_of(path)
-    assert done.attrs["failed"] == 0
-    config = config_of(done.attrs["configuration"])
-    assert config == dataclasses.replace(
-        load([*SHORT, "campaign.runs=3", f"campaign.store={path}"]),
-    )
-    stale = done.assign(estimate=done["estimate"] + 1e-3 * done["predicted_std"])
-    with pytest.raises(DataError, match="not what this version makes"):
-        repeat_runs(stale, config, Setup(config).experiment)
-    zarr.open_group(path, mode="r+")["status"][1] = 2
-    assert done_of(path).attrs["failed"] == 1
-    zarr.open_group(path, mode="r+")["status"][2] = 2
-    with pytest.raises(DataError, match="two runs"):
-        done_of(path)
-    zarr.open_group(path, mode="r+")["status"][2] = 0
-    with pytest.raises(DataError, match="not all runs are made"):
-        done_of(path)
