@@ -54,7 +54,8 @@ def print_summary(summary: xr.Dataset) -> None:
         f"failed: {failed} runs ({100 * failed / (done + failed):.1f} %), which miss every bound\n"
         f"of the {done} runs that converged: NEES mean {number(float(summary.nees_mean))}, "
         f"consistent if in {float(summary.nees_lower):.2f} ... {float(summary.nees_upper):.2f},\n"
-        f"RMSE known to {100 * float(summary.precision):.1f} %"
+        f"every RMSE known to {100 * float(summary.precision):.1f} % or better, that of "
+        f"{summary.least_precise.item()} worst"
     )
     for line in verdicts(summary.attrs):
         print(line)
