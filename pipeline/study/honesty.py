@@ -110,6 +110,16 @@ def honesty(summary: Summary) -> str:
     return HONEST if sight(runs, count).one <= BLIND else UNDECIDED
 
 
+def told(summary: Summary) -> str:
+    """Say in a line whether the filter's sigma is honest, which parameters refute it, and power."""
+    runs = summary["runs_done"]
+    seen = sight(runs, len(ratios(summary)))
+    return (
+        f"{honesty(summary)}{md.named(list(refuted(summary)))}; in {100 * POWER:g} % of campaigns "
+        f"{runs} runs find one {md.percent(seen.one)} too small, or all {md.percent(seen.every)}"
+    )
+
+
 def sigma_word(summary: Summary, name: str) -> str:
     """Verdict on the sigma of a parameter that the filter models."""
     found = refuted(summary)
