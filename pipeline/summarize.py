@@ -10,6 +10,7 @@ For example::
 Reads: schedule noise campaign.store campaign.max_failed_share bounds.
 """
 
+import textwrap
 from collections import Counter
 from collections.abc import Mapping
 from typing import Any
@@ -48,6 +49,8 @@ def print_summary(summary: xr.Dataset) -> None:
         )
     done, failed = int(summary.runs_done), int(summary.runs_failed)
     show(f"{summary.attrs['campaign']}, {done + failed} runs", table)
+    sigma = f"filter's own sigma: {told(json_data(as_json(summary)))}"
+    sigma = "\n".join(textwrap.fill(line, 100) for line in sigma.splitlines())
     print(
         f"all within bounds at once: {100 * float(summary.joint_share):.1f} % "
         f"({100 * float(summary.joint_share_lower):.1f} - "
@@ -55,7 +58,7 @@ def print_summary(summary: xr.Dataset) -> None:
         f"failed: {failed} runs ({100 * failed / (done + failed):.1f} %), which miss every bound\n"
         f"of the {done} runs that converged: NEES mean {number(float(summary.nees_mean))}, "
         f"consistent if in {float(summary.nees_lower):.2f} ... {float(summary.nees_upper):.2f}\n"
-        f"filter's own sigma: {told(json_data(as_json(summary)))}\n"
+        f"{sigma}\n"
         f"every RMSE known to {100 * float(summary.precision):.1f} % or better, that of "
         f"{summary.least_precise.item()} worst"
     )

@@ -111,12 +111,13 @@ def honesty(summary: Summary) -> str:
 
 
 def told(summary: Summary) -> str:
-    """Say in a line whether the filter's sigma is honest, which parameters refute it, and power."""
+    """Say whether the filter's sigma is honest, which parameters refute it, and what runs see."""
     runs = summary["runs_done"]
     seen = sight(runs, len(ratios(summary)))
+    one, every = md.percent(seen.one), md.percent(seen.every)
     return (
-        f"{honesty(summary)}{md.named(list(refuted(summary)))}; in {100 * POWER:g} % of campaigns "
-        f"{runs} runs find one {md.percent(seen.one)} too small, or all {md.percent(seen.every)}"
+        f"{honesty(summary)}{md.named(list(refuted(summary)))}\n"
+        f"in {100 * POWER:g} % of campaigns {runs} runs find one sigma {one} too small, or all {every}"
     )
 
 
