@@ -117,7 +117,8 @@ def told(summary: Summary) -> str:
     one, every = md.percent(seen.one), md.percent(seen.every)
     return (
         f"{honesty(summary)}{md.named(list(refuted(summary)))}\n"
-        f"in {100 * POWER:g} % of campaigns {runs} runs find one sigma {one} too small, or all {every}"
+        f"in {100 * POWER:g} % of campaigns {runs} runs find one sigma {one} too small, "
+        f"or all {every}"
     )
 
 
