@@ -1,4 +1,4 @@
-"""What a truth holds beyond the filter's model: sizes, the constants drawn from them, their streams.
+"""What a truth holds beyond the filter's model: sizes, constants drawn from them, their streams.
 
 Every size is zero unless given, and what is zero is left out altogether. Three kinds:
 
@@ -60,6 +60,13 @@ PROCESSES = (
 
 SOURCES = (*COMPONENTS, *PROCESSES)
 """In the order of their streams: append only, or the draws of others change."""
+
+
+_NEEDS = {
+    "gyro_wander": "gyro_wander_time",
+    "accel_wander": "accel_wander_time",
+    "vibration": "vibration_frequency",
+}
 
 
 @dataclass(frozen=True)
@@ -177,7 +184,7 @@ class Disturbance:
     @property
     def absent(self) -> bool:
         """Whether nothing is disturbed at all."""
-        return self == Disturbance()
+        return self == NOTHING
 
     @property
     def constants(self) -> list[str]:
@@ -190,11 +197,8 @@ class Disturbance:
         return [name for name in PROCESSES if getattr(self, name) > 0.0]
 
 
-_NEEDS = {
-    "gyro_wander": "gyro_wander_time",
-    "accel_wander": "accel_wander_time",
-    "vibration": "vibration_frequency",
-}
+NOTHING = Disturbance()
+"""No disturbance at all."""
 
 
 def stream(seed: int, run: int, source: str) -> np.random.Generator:
