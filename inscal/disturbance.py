@@ -183,8 +183,9 @@ class Disturbance:
 
     @property
     def absent(self) -> bool:
-        """Whether nothing is disturbed at all."""
-        return self == NOTHING
+        """Whether nothing is disturbed but the size of the noise."""
+        further = self.gyro_quantisation, self.accel_quantisation, self.observation_correlation_time
+        return not (self.constants or self.processes or any(further))
 
     @property
     def constants(self) -> list[str]:
