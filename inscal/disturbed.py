@@ -16,6 +16,7 @@ the force without a: below 1e-10 of the noise.) Beside them:
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -86,7 +87,7 @@ class Disturbed:
         """
         about, motion = self.disturbance, self.path.motion
         constants = self.constants(seed, runs)
-        if self.rows.size or about.processes or about.turn_rate > 0.0:
+        if self.alters_sensors:
             apparent = self.apparent(constants, seed=seed, runs=runs)
             inverse = inverse_matrices(truth)
             nominal = motion.duration, motion.angle, motion.velocity
@@ -101,6 +102,12 @@ class Disturbed:
         if self.observed.any():
             seen = record.observations
             seen += self.observed @ constants
+
+    @cached_property
+    def alters_sensors(self) -> bool:
+        """Whether there are apparent increments at all."""
+        about = self.disturbance
+        return bool(self.rows.any() or about.processes or about.turn_rate > 0.0)
 
     def constants(self, seed: int, runs: Sequence[int]) -> np.ndarray:
         """What the rows are multiplied with in some runs, shape (n, runs)."""
