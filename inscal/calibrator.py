@@ -17,11 +17,11 @@ from inscal import convergence, navigation
 from inscal.estimator import CONSTANTS, Estimator
 from inscal.kernel import CACHE_LINE, LANES, compiled, inlined, prefetch
 from inscal.motion import Motion, Site
-from inscal.navigation import advance, rotate_left
+from inscal.navigation import advance, rotate_left, straightened
 from inscal.parameters import COUNT
 from inscal.record import OBSERVED, Record
 from inscal.recursion import ATTITUDE
-from inscal.sensor import compensate
+from inscal.sensor import compensate, compensate_in_ramp
 from inscal.state_model import NAVIGATION
 
 _NAV = CONSTANTS
@@ -103,7 +103,7 @@ def calibrate(
     ----------
     record : Record
     motion : Motion
-        Only its step lengths and update times are used.
+        Only its step lengths, update times and the planned shape of ramps are used.
     site : Site
     estimator : Estimator
     history : History, optional
@@ -220,6 +220,7 @@ def _pass(record, motion, site, estimator, number, lanes, history):
         record.sensors,
         record.observations,
         motion.duration,
+        motion.ramp_terms,
         motion.update_step,
         gains.gain,
         gains.whitening if judged else gains.whitening[:0],
@@ -242,6 +243,7 @@ def _run_pass(
     sensors,
     observations,
     duration,
+    ramp_terms,
     update_step,
     gain,
     whitening,
@@ -272,7 +274,10 @@ def _run_pass(
         _fetch(observations, k + _AHEAD, _STEP_BYTES)
         for s in range(update_step[k], update_step[k + 1]):
             _fetch(sensors, s + _AHEAD, _STEP_BYTES)
-            _navigate(state, sensors, s, duration[s], site)
+            if ramp_terms[s, 0] == 0.0:
+                _navigate(state, sensors, s, duration[s], site)
+            else:
+                _navigate_ramp(state, sensors, s, duration[s], site, ramp_terms)
         _innovate(state, observations, k, metres, innovation)
         if judge:
             _fetch(whitening, k + _AHEAD, _WHITENING_BYTES)
@@ -304,6 +309,16 @@ def _navigate(state, sensors, s, dt, site):
         angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
         velocity = (sensors[s, 3, j], sensors[s, 4, j], sensors[s, 5, j])
         angle, velocity = compensate(state, j, angle, velocity, dt)
+        advance(state, _NAV, j, angle, velocity, dt, site)
+
+
+@inlined
+def _navigate_ramp(state, sensors, s, dt, site, terms):
+    for j in range(LANES):
+        angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
+        velocity = (sensors[s, 3, j], sensors[s, 4, j], sensors[s, 5, j])
+        angle, velocity = compensate_in_ramp(state, j, angle, velocity, dt, terms[s, 0])
+        angle, velocity = straightened(state, _NAV, j, angle, velocity, dt, site, terms, s)
         advance(state, _NAV, j, angle, velocity, dt, site)
 
 

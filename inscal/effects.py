@@ -26,7 +26,7 @@ from inscal.free_inertial import HORIZONTAL, initial_state, navigate
 from inscal.kernel import compiled
 from inscal.motion import Site
 from inscal.navigation import site_constants
-from inscal.rotation import mean_rotation, skew
+from inscal.rotation import RAMP_TERMS, mean_rotation, skew
 from inscal.sensor import inverse_matrices, sense
 
 _PIECE = 50_000
@@ -145,8 +145,8 @@ def north_errors(
         angle, velocity = true_increments(environment, site, first, steps)
         _sense(lanes, inverse, angle, velocity, environment.step, sensors)
         part = course[first // every : (first + steps) // every]
-        duration_of = np.full(steps, environment.step)
-        navigate(state, sensors, nothing, duration_of, site_constants(site), every, part)
+        path = np.full(steps, environment.step), np.zeros((steps, RAMP_TERMS))
+        navigate(state, sensors, nothing, *path, site_constants(site), every, part)
     time = environment.step * every * np.arange(1, entries + 1)
     return Course(time, course[:, 0, 1:] - course[:, 0, :1])
 

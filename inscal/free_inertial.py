@@ -11,8 +11,8 @@ import numpy as np
 from inscal import navigation
 from inscal.kernel import compiled
 from inscal.motion import Motion, Site
-from inscal.navigation import advance, site_constants
-from inscal.sensor import compensate
+from inscal.navigation import advance, site_constants, straightened
+from inscal.sensor import compensate, compensate_in_ramp
 
 HORIZONTAL = 4
 """Rows of a course: velocity North and East, then position North and East."""
@@ -61,7 +61,8 @@ def fly(
     state = initial_state(np.repeat(motion.initial_attitude[:, :, None], lanes, axis=2))
     course = np.empty((entries, HORIZONTAL, lanes))
     known = np.ascontiguousarray(parameters)
-    navigate(state, sensors, known, motion.duration, site_constants(site), every, course)
+    path = motion.duration, motion.ramp_terms
+    navigate(state, sensors, known, *path, site_constants(site), every, course)
     time = np.cumsum(motion.duration)[every - 1 :: every]
     return Flight(time, course[:, :2], course[:, 2:] * site.metres[:2, None])
 
@@ -86,7 +87,7 @@ def initial_state(attitude: np.ndarray) -> np.ndarray:
 
 
 @compiled
-def navigate(state, sensors, parameters, duration, site, every, course):
+def navigate(state, sensors, parameters, duration, ramp_terms, site, every, course):
     """Navigate all lanes through reported increments, height held.
 
     Parameters
@@ -99,6 +100,8 @@ def navigate(state, sensors, parameters, duration, site, every, course):
         What the increments are compensated by, SI; zeros leave them as they are.
     duration : ndarray, shape (steps,)
         Length of each step, s.
+    ramp_terms : ndarray, shape (steps, RAMP_TERMS)
+        From `inscal.rotation.ramp_terms`; zeros where nothing changes its rate as planned.
     site : tuple of float
         From `inscal.navigation.site_constants`.
     every : int
@@ -110,7 +113,15 @@ def navigate(state, sensors, parameters, duration, site, every, course):
         for j in range(state.shape[1]):
             angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
             velocity = (sensors[s, 3, j], sensors[s, 4, j], sensors[s, 5, j])
-            angle, velocity = compensate(parameters, j, angle, velocity, duration[s])
+            if ramp_terms[s, 0] == 0.0:
+                angle, velocity = compensate(parameters, j, angle, velocity, duration[s])
+            else:
+                angle, velocity = compensate_in_ramp(
+                    parameters, j, angle, velocity, duration[s], ramp_terms[s, 0]
+                )
+                angle, velocity = straightened(
+                    state, 0, j, angle, velocity, duration[s], site, ramp_terms, s
+                )
             advance(state, 0, j, angle, velocity, duration[s], site)
             state[navigation.VELOCITY + 2, j] = 0.0
             state[navigation.POSITION + 2, j] = 0.0

@@ -34,9 +34,9 @@ CACHE_LINE = 64
 
 RUN_MODULES = (
     *("calibrator", "convergence", "directions", "disturbance", "disturbed", "earth", "estimator"),
-    *("experiment", "kernel", "motion", "navigation", "parameters", "path", "record", "recursion"),
-    *("rotation", "schedule", "sensor", "simulation", "state_model", "statistics", "unit_effects"),
-    *("units", "wander"),
+    *("experiment", "kernel", "motion", "navigation", "parameters", "path", "profile", "record"),
+    *("recursion", "rotation", "schedule", "sensor", "simulation", "state_model", "statistics"),
+    *("unit_effects", "units", "wander"),
 )
 """Modules that the result of a run depends on: all that `inscal.experiment` imports."""
 

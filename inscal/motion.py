@@ -2,16 +2,18 @@
 
 The table turns the body about its centre, which stays at one point of the Earth. So the specific
 force is minus gravity, constant in the navigation frame, and the body rate is the Earth's plus the
-table's. In a steady turn both integrals are closed forms; no step size enters their accuracy.
+table's. In a steady turn both integrals are closed forms, and in a ramp, where the rate changes
+linearly, a quadrature that is exact to rounding; no step size enters their accuracy.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from inscal import earth
-from inscal.rotation import mean_rotation
+from inscal.rotation import mean_rotation_of_ramp, ramp_terms
 from inscal.schedule import Schedule, Segment, initial_attitude, segments
 
 MAX_LATITUDE = np.deg2rad(89.99)
@@ -70,6 +72,9 @@ class Motion:
         Integral of the body rate relative to inertial space, in body axes, rad.
     velocity : ndarray, shape (steps, 3)
         Integral of the specific force, in body axes, m/s.
+    ramp : ndarray, shape (steps,)
+        Change of the table's rate within the step over twice its mean, kappa of `inscal.rotation`:
+        as planned, so truth and filter know it alike. 0 at rest and in a steady turn.
     update_step : ndarray of int, shape (updates + 1,)
         Steps ``update_step[k]:update_step[k + 1]`` lead to update k.
     initial_attitude : ndarray, shape (3, 3)
@@ -79,6 +84,7 @@ class Motion:
     duration: np.ndarray
     angle: np.ndarray
     velocity: np.ndarray
+    ramp: np.ndarray
     update_step: np.ndarray
     initial_attitude: np.ndarray
 
@@ -86,6 +92,11 @@ class Motion:
     def steps(self) -> int:
         """Number of steps."""
         return len(self.duration)
+
+    @cached_property
+    def ramp_terms(self) -> np.ndarray:
+        """What navigation needs to know of ramps: `inscal.rotation.ramp_terms` of `ramp`."""
+        return ramp_terms(self.ramp)
 
     @property
     def updates(self) -> int:
@@ -138,15 +149,15 @@ def update_of(edges: np.ndarray, update_interval: float) -> np.ndarray:
 
 def attitude_at(segment: Segment, times: np.ndarray) -> np.ndarray:
     """Body-to-NED matrices at times within a segment, shape (len(times), 3, 3)."""
-    if not segment.rate.any():
+    if not segment.is_turn:
         return np.broadcast_to(segment.attitude, (len(times), 3, 3))
-    turned = Rotation.from_rotvec((times - segment.start)[:, None] * segment.rate)
+    turned = Rotation.from_rotvec(segment.turned_at(times))
     return segment.attitude @ turned.as_matrix()
 
 
 @dataclass(frozen=True)
 class Steps:
-    """A schedule cut into steps, in each of which the table rests or turns at a constant rate.
+    """A schedule cut into steps: the table rests, turns steadily, or changes its rate linearly.
 
     Attributes
     ----------
@@ -155,7 +166,9 @@ class Steps:
     attitude : ndarray, shape (steps, 3, 3)
         Body-to-NED matrix at the start of each step.
     rate : ndarray, shape (steps, 3)
-        Of the table, in body axes, rad/s.
+        Of the table, its mean over the step, in body axes, rad/s.
+    ramp : ndarray, shape (steps,)
+        As of `Motion`: the rate goes from ``rate * (1 - ramp)`` to ``rate * (1 + ramp)``.
     to_body : ndarray, shape (steps, 3, 3)
         Integral of the NED-to-body matrix over each step, s.
     turn : ndarray of int, shape (steps,)
@@ -167,6 +180,7 @@ class Steps:
     duration: np.ndarray
     attitude: np.ndarray
     rate: np.ndarray
+    ramp: np.ndarray
     to_body: np.ndarray
     turn: np.ndarray
     update_step: np.ndarray
@@ -177,8 +191,8 @@ def cut_into_steps(
 ) -> Steps:
     """Cut a schedule into the steps of a simulation.
 
-    Steps end at update times and where a turn begins or ends; between those a stretch is cut into
-    the fewest equal steps no longer than `dwell_step` or `turn_step`.
+    Steps end at update times and where a turn or a ramp begins or ends; between those a stretch is
+    cut into the fewest equal steps no longer than `dwell_step` or `turn_step`.
 
     Parameters
     ----------
@@ -196,33 +210,47 @@ def cut_into_steps(
         If the schedule is not a whole number of update intervals long, or a turn does not fit.
     """
     steps_of_update = np.zeros(update_count(schedule, update_interval), dtype=np.int64)
-    durations, attitudes, rates, turns = [], [], [], []
-    number = -1
+    durations, attitudes, rates, ramps, turns = [], [], [], [], []
     for segment in segments(schedule):
-        number += bool(segment.rate.any())
-        longest = turn_step if segment.rate.any() else dwell_step
+        longest = turn_step if segment.is_turn else dwell_step
         edges = cut(segment, update_interval)
         length = np.diff(edges)
         count = np.maximum(1, np.ceil(length / longest - 1e-6)).astype(np.int64)
         np.add.at(steps_of_update, update_of(edges, update_interval), count)
         step = np.repeat(length / count, count)
         within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        start = np.repeat(edges[:-1], count) + within * step
         durations.append(step)
-        attitudes.append(attitude_at(segment, np.repeat(edges[:-1], count) + within * step))
-        rates.append(np.broadcast_to(segment.rate, (len(step), 3)))
-        turns.append(np.full(len(step), number if segment.rate.any() else -1))
-    duration, rate, attitude = map(np.concatenate, (durations, rates, attitudes))
+        attitudes.append(attitude_at(segment, start))
+        mean, ramp = _rates(segment, start, step)
+        rates.append(mean)
+        ramps.append(ramp)
+        turns.append(np.full(len(step), segment.turn))
+    duration, rate, ramp, attitude = map(np.concatenate, (durations, rates, ramps, attitudes))
     # J(-turn) transposes the start attitude
-    to_body = mean_rotation(-rate * duration[:, None]) @ attitude.mT
+    to_body = mean_rotation_of_ramp(-rate * duration[:, None], ramp) @ attitude.mT
     to_body *= duration[:, None, None]
     return Steps(
         duration=duration,
         attitude=attitude,
         rate=rate,
+        ramp=ramp,
         to_body=to_body,
         turn=np.concatenate(turns),
         update_step=np.concatenate([[0], np.cumsum(steps_of_update)]),
     )
+
+
+def _rates(
+    segment: Segment, start: np.ndarray, duration: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean rates of steps within a segment, shape (steps, 3), and their ramps, (steps,)."""
+    if not segment.is_ramp:
+        return np.broadcast_to(segment.rate, (len(start), 3)), np.zeros(len(start))
+    mean = segment.rate_at(start + 0.5 * duration)
+    along = segment.acceleration / np.linalg.norm(segment.acceleration)
+    change = 0.5 * duration * (segment.acceleration @ along)
+    return mean, change / (mean @ along)
 
 
 def build_motion(
@@ -254,6 +282,7 @@ def build_motion(
         duration=steps.duration,
         angle=turned + steps.to_body @ earth.earth_rate_ned(site.latitude),
         velocity=steps.to_body @ -earth.gravity_ned(site.latitude, site.height),
+        ramp=steps.ramp,
         update_step=steps.update_step,
         initial_attitude=initial_attitude(schedule.initial_posture),
     )

@@ -15,6 +15,18 @@ does; for general motion it is second order like the usual coning and sculling t
 Strapdown Analytics, 2000, ch. 7). Attitude first and velocity after it makes the Schuler loop a
 symplectic Euler scheme: it neither grows nor decays.
 
+**Ramps.** Where the table's rate changes within a step, J is :math:`J_\kappa` of `inscal.rotation`
+throughout. Rather than navigate otherwise, `straightened` turns the increments of such a step into
+those that a steady turn to the same attitude would have given,
+
+.. math::
+
+    \Delta\theta &\leftarrow \Delta\theta
+        + (J(-\theta) - J_\kappa(-\theta))\, C^T \omega_{ie}\, dt \\
+    \Delta v &\leftarrow J(-\theta)\, J_\kappa(-\theta)^{-1} \Delta v
+
+with the old C. It has to know how the rate was planned to change, but not by how much nor where to.
+
 Position is kept as offsets from the site (rad of latitude and longitude, m of height), so the sines
 of latitude are short series, good to rounding within `MAX_OFFSET`.
 """
@@ -156,6 +168,61 @@ def _to_navigation(c, u):
         c[1][0] * u[0] + c[1][1] * u[1] + c[1][2] * u[2],
         c[2][0] * u[0] + c[2][1] * u[1] + c[2][2] * u[2],
     )
+
+
+@inlined
+def straightened(state, row, j, angle, velocity, dt, site, terms, s):
+    """Increments of a steady turn from those of a step whose rate changes.
+
+    Parameters
+    ----------
+    state : ndarray, shape (rows, lanes)
+        As of `advance`, at the start of the step.
+    row, j : int
+        As of `advance`.
+    angle, velocity : tuple of 3 float
+        Compensated increments, rad and m/s.
+    dt : float
+        Length of the step, s.
+    site : tuple of float
+        From `site_constants`. The velocity's part in the turn of the frame is left out: of 1 m/s in
+        a step of 1 s it is 2e-7 rad, and a hundredth of that is what this is about.
+    terms : ndarray, shape (steps, RAMP_TERMS)
+        From `inscal.rotation.ramp_terms`.
+    s : int
+        Step.
+
+    Returns
+    -------
+    angle, velocity : tuple of 3 float
+        For `advance`.
+    """
+    at = row + ATTITUDE
+    north, down = earth.EARTH_RATE * site[1] * dt, -earth.EARTH_RATE * site[0] * dt
+    frame = (
+        state[at, j] * north + state[at + 6, j] * down,
+        state[at + 1, j] * north + state[at + 7, j] * down,
+        state[at + 2, j] * north + state[at + 8, j] * down,
+    )
+    # the frame turns slowly: as in `advance` a turn good to second order will do
+    slip, half = cross(angle, frame), 0.5 + terms[s, 1]
+    t = (
+        angle[0] - frame[0] + half * slip[0],
+        angle[1] - frame[1] + half * slip[1],
+        angle[2] - frame[2] + half * slip[2],
+    )
+    x = t[0] * t[0] + t[1] * t[1] + t[2] * t[2]
+    p = terms[s, 1] + x * (terms[s, 2] + x * (terms[s, 3] + x * terms[s, 4]))
+    q = terms[s, 5] + x * (terms[s, 6] + x * (terms[s, 7] + x * terms[s, 8]))
+    a = terms[s, 9] + x * (terms[s, 10] + x * terms[s, 11])
+    b = terms[s, 12] + x * (terms[s, 13] + x * terms[s, 14])
+    bent = turn(a, b, t, frame)
+    angle = (
+        angle[0] + (bent[0] - frame[0]),
+        angle[1] + (bent[1] - frame[1]),
+        angle[2] + (bent[2] - frame[2]),
+    )
+    return angle, turn(p, q, t, velocity)
 
 
 @inlined

@@ -1,17 +1,18 @@
 """Calibration schedules: a list of turns, and the postures and motion segments they lead to.
 
 A schedule starts in a posture (the directions in which the body axes point), dwells, turns about a
-body axis at a constant rate, dwells again, and so on. Every position lasts equally long, its turn
-included; the last one only dwells (paper section 4, Table 1).
+body axis, dwells again, and so on. Every position lasts equally long, its turn included; the last
+one only dwells (paper section 4, Table 1). The rate of a turn is that of `inscal.profile`.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from inscal.directions import AXES, DIRECTIONS
+from inscal.profile import Profile, profile_of
 from inscal.units import DEGREE
 
 
@@ -49,13 +50,16 @@ class Schedule:
     position_duration : float
         Time from one position to the next, its turn included, s.
     turn_rate : float
-        Rate of every turn, rad/s.
+        Highest rate of every turn, rad/s.
+    turn_acceleration : float or None
+        With which a turn comes to its rate and back to rest, rad/s^2; None: at once.
     """
 
     initial_posture: tuple[str, str, str]
     turns: tuple[Turn, ...]
     position_duration: float
     turn_rate: float
+    turn_acceleration: float | None = None
 
     @property
     def positions(self) -> int:
@@ -70,7 +74,7 @@ class Schedule:
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of steady rotation relative to the Earth (a dwell being rotation at rate zero).
+    """A stretch of rest, of steady rotation relative to the Earth, or of a ramp between the two.
 
     Attributes
     ----------
@@ -79,13 +83,39 @@ class Segment:
     attitude : ndarray, shape (3, 3)
         Body-to-NED matrix at `start`.
     rate : ndarray, shape (3,)
-        Body rate relative to the Earth, in body axes, rad/s.
+        Body rate relative to the Earth at `start`, in body axes, rad/s.
+    acceleration : ndarray, shape (3,)
+        Its time derivative, constant and along the same axis, rad/s^2.
+    turn : int
+        Number of the turn it is of, from 0; -1 at rest.
     """
 
     start: float
     end: float
     attitude: np.ndarray
     rate: np.ndarray
+    acceleration: np.ndarray
+    turn: int
+
+    @property
+    def is_turn(self) -> bool:
+        """Whether the body turns; a ramp from rest does, though its rate starts at zero."""
+        return self.turn >= 0
+
+    @property
+    def is_ramp(self) -> bool:
+        """Whether the rate changes."""
+        return bool(self.acceleration.any())
+
+    def rate_at(self, times: np.ndarray) -> np.ndarray:
+        """Body rate relative to the Earth, in body axes, rad/s, shape (len(times), 3)."""
+        return self.rate + (times - self.start)[:, None] * self.acceleration
+
+    def turned_at(self, times: np.ndarray) -> np.ndarray:
+        """Rotation vector since the start, in body axes, rad, shape (len(times), 3)."""
+        since = (times - self.start)[:, None]
+        turned = since * self.rate
+        return turned + 0.5 * since**2 * self.acceleration if self.is_ramp else turned
 
 
 def initial_attitude(posture: Sequence[str]) -> np.ndarray:
@@ -177,7 +207,7 @@ def weak_pairs(schedule: Schedule) -> list[tuple[str, str, str]]:
 
 
 def segments(schedule: Schedule) -> list[Segment]:
-    """Dwells and turns of a schedule in order of time.
+    """Dwells, turns and the ramps of turns, in order of time.
 
     Raises
     ------
@@ -185,22 +215,43 @@ def segments(schedule: Schedule) -> list[Segment]:
         If a turn takes longer than a position.
     """
     out = []
+    still = np.zeros(3)
     dwells = attitudes(schedule)
     for position, attitude in enumerate(dwells):
         start = position * schedule.position_duration
         end = start + schedule.position_duration
         if position == len(schedule.turns):
-            out.append(Segment(start, end, attitude, np.zeros(3)))
+            out.append(Segment(start, end, attitude, still, still, -1))
             break
         vector = turn_vector(schedule.turns[position])
         angle = float(np.linalg.norm(vector))
-        turn_start = end - angle / schedule.turn_rate
+        profile = profile_of(angle, schedule.turn_rate, schedule.turn_acceleration)
+        turn_start = end - profile.duration
         if turn_start < start:
             raise ValueError(
-                f"turn {position + 1} takes {angle / schedule.turn_rate:g} s, "
-                "which is longer than a position"
+                f"turn {position + 1} takes {profile.duration:g} s, which is longer than a position"
             )
         if turn_start > start:
-            out.append(Segment(start, turn_start, attitude, np.zeros(3)))
-        out.append(Segment(turn_start, end, attitude, vector / angle * schedule.turn_rate))
+            out.append(Segment(start, turn_start, attitude, still, still, -1))
+        rest = Segment(turn_start, end, attitude, still, still, position)
+        out += _turning(rest, vector / angle, profile)
     return out
+
+
+def _turning(whole: Segment, axis: np.ndarray, profile: Profile) -> list[Segment]:
+    """Ramp, plateau and ramp, as there are, of a turn about a unit vector of the body."""
+    rate = axis * profile.rate
+    if profile.ramp == 0.0:
+        return [replace(whole, rate=rate)]
+    acceleration = rate / profile.ramp
+    out = [replace(whole, end=whole.start + profile.ramp, acceleration=acceleration)]
+    if profile.steady > 0.0:
+        out.append(_next(out[-1], whole.end - profile.ramp, rate, whole.acceleration))
+    return [*out, _next(out[-1], whole.end, rate, -acceleration)]
+
+
+def _next(segment: Segment, end: float, rate: np.ndarray, acceleration: np.ndarray) -> Segment:
+    """Segment of the same turn from the end of one on."""
+    turned = segment.turned_at(np.array([segment.end]))
+    attitude = segment.attitude @ Rotation.from_rotvec(turned[0]).as_matrix()
+    return Segment(segment.end, end, attitude, rate, acceleration, segment.turn)

@@ -12,7 +12,9 @@ Both are applied to the increments of a step, that is to means over it. Of the q
 mean is D2 (mean(f)^2 + var(f)), and in a turn the variance within a step is not nothing: f turns in
 the body by the step's rotation vector theta, so to leading order var(f) = (theta x f)^2 / 12,
 element-wise. `spread_force` is that part. Left out, it would look like 0.1 mm of lever arm at 5 deg
-a step.
+a step. Where the table's rate changes within a step, the mean of w^2 is not the square of the mean
+either, and f spreads a little farther; `ramp_force` is what that adds. A lever arm's tangential part
+dw/dt x r has no component along r, where the accelerometer looks.
 
 The functions work on lane ``j`` of an array with one row per parameter in state order (more rows
 may follow), so that lane loops vectorise; they are plain functions in Python too.
@@ -104,6 +106,38 @@ def spread_force(p, j, angle, velocity, rate):
         p[_D2, j] * t[0] * t[0] * share,
         p[_D2 + 1, j] * t[1] * t[1] * share,
         p[_D2 + 2, j] * t[2] * t[2] * share,
+    )
+
+
+@inlined
+def ramp_force(p, j, angle, velocity, dt, ramp):
+    """Velocity increment, m/s, of lever arms and quadratic terms beyond that of a steady turn.
+
+    Parameters
+    ----------
+    p : ndarray, shape (27 or more, lanes)
+    j : int
+        Lane.
+    angle, velocity : tuple of 3 float
+        True increments of the step, rad and m/s, the latter without this part.
+    dt : float
+        Length of the step, s.
+    ramp : float
+        kappa of `inscal.rotation`, which has the moments of such a step.
+
+    Returns
+    -------
+    tuple of 3 float
+    """
+    rate = 1.0 / dt
+    square = ramp * ramp
+    lever = lever_arm_force(p, j, (angle[0] * rate, angle[1] * rate, angle[2] * rate))
+    spread = spread_force(p, j, angle, velocity, rate)
+    of_lever, of_spread = square * dt * (1.0 / 3.0), square * (1.0 / 15.0)
+    return (
+        lever[0] * of_lever + spread[0] * of_spread,
+        lever[1] * of_lever + spread[1] * of_spread,
+        lever[2] * of_lever + spread[2] * of_spread,
     )
 
 
@@ -207,3 +241,22 @@ def compensate(p, j, angle, velocity, dt):
     )
     spread = spread_force(p, j, (wx, wy, wz), v, rate)
     return (wx, wy, wz), (v[0] + spread[0], v[1] + spread[1], v[2] + spread[2])
+
+
+@inlined
+def sense_in_ramp(p, inverse, j, angle, velocity, angle_noise, velocity_noise, dt, ramp):
+    """Increments that imperfect sensors report of a step whose rate changes; see `sense`."""
+    more = ramp_force(p, j, angle, velocity, dt, ramp)
+    # compensation knows the force only without it: two rounds find that to rounding
+    near = (velocity[0] - more[0], velocity[1] - more[1], velocity[2] - more[2])
+    more = ramp_force(p, j, angle, near, dt, ramp)
+    near = (velocity[0] - more[0], velocity[1] - more[1], velocity[2] - more[2])
+    return sense(p, inverse, j, angle, near, angle_noise, velocity_noise, dt)
+
+
+@inlined
+def compensate_in_ramp(p, j, angle, velocity, dt, ramp):
+    """Increments of a step whose rate changes, corrected: the inverse of `sense_in_ramp`."""
+    w, v = compensate(p, j, angle, velocity, dt)
+    more = ramp_force(p, j, w, v, dt, ramp)
+    return w, (v[0] + more[0], v[1] + more[1], v[2] + more[2])

@@ -19,7 +19,7 @@ from inscal.motion import Motion
 from inscal.parameters import COUNT
 from inscal.record import Record
 from inscal.recursion import InitialStd
-from inscal.sensor import inverse_matrices, sense
+from inscal.sensor import inverse_matrices, sense, sense_in_ramp
 from inscal.state_model import NoiseModel
 
 PURPOSES = {"truth": 0, "initial": 1, "sensors": 2, "observations": 3}
@@ -191,6 +191,7 @@ def simulate(
         motion.duration,
         motion.angle,
         motion.velocity,
+        motion.ramp,
         sensors,
     )
     return Record(
@@ -225,7 +226,7 @@ def _observe(generators, scale, out):
 
 
 @compiled
-def _sense(generators, scale, truth, inverse, duration, angle, velocity, out):
+def _sense(generators, scale, truth, inverse, duration, angle, velocity, ramp, out):
     """Reported increments of all steps; noise has sigma `scale` times the root of the step.
 
     Parameters and noise live in arrays of fixed shape made here, so that the compiler knows that
@@ -252,11 +253,19 @@ def _sense(generators, scale, truth, inverse, duration, angle, velocity, out):
             for c in range(6):
                 for j in range(LANES):
                     n[c, j] = root * scale[c] * block[s, c, j]
-            for j in range(LANES):
-                na, nv = (n[0, j], n[1, j], n[2, j]), (n[3, j], n[4, j], n[5, j])
-                a, v = sense(p, g, j, da, dv, na, nv, dt)
-                n[0, j], n[1, j], n[2, j] = a
-                n[3, j], n[4, j], n[5, j] = v
+            bent = ramp[first + s]
+            if bent == 0.0:
+                for j in range(LANES):
+                    na, nv = (n[0, j], n[1, j], n[2, j]), (n[3, j], n[4, j], n[5, j])
+                    a, v = sense(p, g, j, da, dv, na, nv, dt)
+                    n[0, j], n[1, j], n[2, j] = a
+                    n[3, j], n[4, j], n[5, j] = v
+            else:
+                for j in range(LANES):
+                    na, nv = (n[0, j], n[1, j], n[2, j]), (n[3, j], n[4, j], n[5, j])
+                    a, v = sense_in_ramp(p, g, j, da, dv, na, nv, dt, bent)
+                    n[0, j], n[1, j], n[2, j] = a
+                    n[3, j], n[4, j], n[5, j] = v
             for c in range(6):
                 for j in range(LANES):
                     out[first + s, c, j] = n[c, j]

@@ -204,8 +204,8 @@ def build_transitions(
     """Discrete linear model of a schedule, about true motion and error-free sensors.
 
     The parameter columns are integrated by six-point Gauss-Legendre quadrature over every stretch
-    of steady motion, a radian of it at most at a time: to that the trigonometric polynomials of a
-    turn are known to 1e-9.
+    of rest, of steady turning or of a ramp, a radian of it at most at a time: to that the trigonometric
+    polynomials of a turn are known to 1e-9.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def build_transitions(
     for segment in segments(schedule):
         edges = cut(segment, update_interval)
         update = update_of(edges, update_interval)
-        if segment.rate.any():
+        if segment.is_turn:
             members = [[k] for k in range(len(update))]
         else:  # all whole intervals of a dwell are alike
             whole = np.diff(edges) > update_interval * (1 - 1e-9)
@@ -259,7 +259,8 @@ def build_transitions(
 
 def _integrate(segment, site, carries, start, end, interval_end) -> np.ndarray:
     """Parameter columns of one piece, carried on to the end of its update interval."""
-    parts = max(1, int(np.ceil(np.linalg.norm(segment.rate) * (end - start) / _LONGEST_ARC - 1e-9)))
+    fastest = np.linalg.norm(segment.rate_at(np.array([start, end])), axis=1).max()
+    parts = max(1, int(np.ceil(fastest * (end - start) / _LONGEST_ARC - 1e-9)))
     edges = np.linspace(start, end, parts + 1)
     columns = (
         _integrate_part(segment, site, carries, first, last, interval_end)
@@ -272,7 +273,7 @@ def _integrate_part(segment, site, carries, start, end, interval_end) -> np.ndar
     times = 0.5 * (start + end) + 0.5 * (end - start) * _NODES
     attitude = attitude_at(segment, times)
     to_body = np.swapaxes(attitude, -1, -2)
-    rate = segment.rate + to_body @ earth.earth_rate_ned(site.latitude)
+    rate = segment.rate_at(times) + to_body @ earth.earth_rate_ned(site.latitude)
     force = to_body @ -earth.gravity_ned(site.latitude, site.height)
     columns = parameter_dynamics(attitude, rate, force)
     carry = carries(round(interval_end - start, 9), round(interval_end - end, 9))

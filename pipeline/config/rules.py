@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 
 from inscal.directions import DIRECTIONS
 from inscal.parameters import GROUPS, members
+from inscal.profile import profile_of
 from pipeline.config.disturbance import KEYS as DISTURBANCES
 from pipeline.config.disturbance import NEEDED
 from pipeline.config.schema import KIND_KEYS, Config
@@ -172,6 +173,7 @@ _RULES: dict[str, Rule] = {
 }
 
 _OPTIONAL_RULES: dict[str, Rule] = {
+    "schedule.turn_acceleration_deg_per_s2": (POSITIVE[0], f"null, or {POSITIVE[1]}"),
     "cluster.workers": COUNT,
     "cluster.address": (_is_address, "an address such as tcp://127.0.0.1:8786"),
     "cluster.queue": NAME,
@@ -242,7 +244,10 @@ def _check_rotation(key: str, rotation: object, config: Config) -> None:
         _fail(key, rotation, "[angle_deg, axis] with an angle of +-45, 90, ... 360")
     if axis not in ("X", "Y", "Z"):
         _fail(key, rotation, "[angle_deg, axis] with X, Y or Z for its axis")
-    duration = abs(angle) / config.schedule.turn_rate_deg_per_s
+    about = config.schedule
+    duration = profile_of(
+        abs(angle), about.turn_rate_deg_per_s, about.turn_acceleration_deg_per_s2
+    ).duration
     if duration >= config.schedule.position_duration_s:
         _fail(
             key,

@@ -91,7 +91,9 @@ class Schedule:
     position_duration_s : float
         Time of a position: its dwell and then its turn.
     turn_rate_deg_per_s : float
-        Rate of the turns.
+        Rate of the turns, the highest where they have ramps.
+    turn_acceleration_deg_per_s2 : float or None
+        With which turns come to their rate and back to rest; null: at once.
     initial_posture : list of str
         Where the body axes x, y, z point at first: North, South, East, West, Up or Down.
     rotations : list of [float, str]
@@ -101,6 +103,7 @@ class Schedule:
     name: str = MISSING
     position_duration_s: float = MISSING
     turn_rate_deg_per_s: float = MISSING
+    turn_acceleration_deg_per_s2: float | None = None
     initial_posture: list[str] = MISSING
     rotations: list[Any] = MISSING
 

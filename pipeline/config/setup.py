@@ -67,12 +67,14 @@ class Setup:
         from inscal import schedule
 
         about = self.config.schedule
+        acceleration = about.turn_acceleration_deg_per_s2
         x, y, z = about.initial_posture
         return schedule.Schedule(
             initial_posture=(x, y, z),
             turns=schedule.turns_of((angle, axis) for angle, axis in about.rotations),
             position_duration=about.position_duration_s,
             turn_rate=about.turn_rate_deg_per_s * units.DEGREE,
+            turn_acceleration=None if acceleration is None else acceleration * units.DEGREE,
         )
 
     @cached_property

@@ -61,9 +61,9 @@ def test_a_record_may_come_in_pieces(flown):
     state, parts = initial_state(attitude), []
     cut = 5 * EVERY
     for piece in (slice(0, cut), slice(cut, len(flight.time) * EVERY)):
-        duration = motion.duration[piece]
+        duration, terms = motion.duration[piece], motion.ramp_terms[piece]
         course = np.empty((len(duration) // EVERY, 4, LANES))
-        navigate(state, sensors[piece], known, duration, site_constants(site), EVERY, course)
+        navigate(state, sensors[piece], known, duration, terms, site_constants(site), EVERY, course)
         parts.append(course)
     assert (np.concatenate(parts)[:, :2] == flight.velocity).all()
 
