@@ -13,8 +13,8 @@ mean is D2 (mean(f)^2 + var(f)), and in a turn the variance within a step is not
 the body by the step's rotation vector theta, so to leading order var(f) = (theta x f)^2 / 12,
 element-wise. `spread_force` is that part. Left out, it would look like 0.1 mm of lever arm at 5 deg
 a step. Where the table's rate changes within a step, the mean of w^2 is not the square of the mean
-either, and f spreads a little farther; `ramp_force` is what that adds. A lever arm's tangential part
-dw/dt x r has no component along r, where the accelerometer looks.
+either, and f spreads a little farther; `ramp_force` is what that adds. A lever arm's tangential
+part dw/dt x r has no component along r, where the accelerometer looks.
 
 The functions work on lane ``j`` of an array with one row per parameter in state order (more rows
 may follow), so that lane loops vectorise; they are plain functions in Python too.

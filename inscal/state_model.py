@@ -204,7 +204,7 @@ def build_transitions(
     """Discrete linear model of a schedule, about true motion and error-free sensors.
 
     The parameter columns are integrated by six-point Gauss-Legendre quadrature over every stretch
-    of rest, of steady turning or of a ramp, a radian of it at most at a time: to that the trigonometric
+    of rest, steady motion or a ramp, a radian of it at most at a time: to that the trigonometric
     polynomials of a turn are known to 1e-9.
 
     Parameters
