@@ -22,6 +22,7 @@ CHANGES = [
     "noise.position_observation_m=0.2",
     "schedule.position_duration_s=41",
     "schedule.turn_rate_deg_per_s=9",
+    "schedule.turn_acceleration_deg_per_s2=90",
     "schedule.initial_posture=[East,South,Down]",
     "schedule.rotations=[[90,Y],[180,Y],[-90,X]]",
     "site.latitude_deg=40",

@@ -9,6 +9,7 @@ WHITE_NOISE = "noise.accel_white_noise_ug_per_sqrt_hz"
 POSITION_NOISE = "noise.position_observation_m"
 GYRO_BIAS = "truth.gyro_bias_deg_per_h"
 ROTATIONS = "schedule.rotations"
+SHORT_UPDATES = ["schedule.position_duration_s=18.4", "estimator.update_interval_s=0.4"]
 POSTURE = "schedule.initial_posture"
 ATTITUDE = "estimator.initial_std.attitude_deg"
 
@@ -129,6 +130,16 @@ BAD = [
     ([f"{ROTATIONS}=[[nan,X]]"], f"{ROTATIONS}[0] = [nan, 'X']: must be"),
     (["schedule.turn_rate_deg_per_s=0"], "schedule.turn_rate_deg_per_s = 0.0: must be"),
     (["schedule.turn_rate_deg_per_s=0.3"], f"{ROTATIONS}[1] = [180, 'Y']: must be a turn shorter"),
+    (["schedule.turn_acceleration_deg_per_s2=0"], "_per_s2 = 0.0: must be null, or a finite"),
+    (["schedule.turn_acceleration_deg_per_s2=-4"], "_per_s2 = -4.0: must be null, or a finite"),
+    (["schedule.turn_acceleration_deg_per_s2=nan"], "_per_s2 = nan: must be null, or a finite"),
+    (["schedule.turn_acceleration_deg_per_s2=x"], "turn_acceleration_deg_per_s2 = x: must be a nu"),
+    # 18.4 s are enough for 180 degrees at 10 deg/s, and not with ramps
+    (
+        [*SHORT_UPDATES, "schedule.turn_acceleration_deg_per_s2=20"],
+        f"{ROTATIONS}[1] = [180, 'Y']: must be a turn shorter than schedule.position_duration_s, "
+        "18.4; it takes 18.5 s",
+    ),
     (["schedule.position_duration_s=0"], "schedule.position_duration_s = 0.0: must be a finite"),
     (["schedule.position_duration_s=18"], f"{ROTATIONS}[1] = [180, 'Y']: must be a turn shorter"),
     (["schedule.position_duration_s=500.5"], "= 500.5: must be a multiple of estimator.update"),

@@ -170,3 +170,19 @@ def test_history_ends_with_the_first_passs_estimate():
     estimate = calibrate(record, motion, SITE, estimator, history=history).estimate
     assert (history.estimate[0, -1] == estimate).all()
     assert (calibrate(record, motion, SITE, estimator).estimate == estimate).all()
+
+
+def test_error_against_the_step_in_ramps():
+    """The table of the manual: sensors without errors, in sigma, ramps of 20 deg/s^2."""
+    schedule = dataclasses.replace(paper_schedule(), turn_acceleration=np.deg2rad(20.0))
+    estimator, known, ignored = estimator_of(schedule), [], []
+    for turn_step in (1.0, 0.5, 0.1):
+        motion = motion_of(schedule, turn_step)
+        unbent = dataclasses.replace(motion, ramp=np.zeros(motion.steps))
+        for way, errors in ((motion, known), (unbent, ignored)):
+            estimate = calibrate(perfect_record(motion), way, SITE, estimator).estimate
+            errors.append((np.abs(estimate).max(axis=1) / estimator.predicted_std).max())
+    assert known[0] < 1e-4
+    assert known[0] > known[1] > known[2]
+    assert ignored[1] > 30.0
+    assert ignored[1] > 10.0 * ignored[2] > 1e4 * known[0]

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 from conftest import paper_schedule, paper_truth
+from scipy.stats import chi2
 
 from inscal import parameters
 from inscal.estimator import Belief
@@ -9,6 +10,8 @@ from inscal.motion import Site
 from inscal.recursion import InitialStd
 from inscal.simulation import Truth, TruthModel, Workspace
 from inscal.state_model import NoiseModel, StateModel
+from pipeline.config.load import load
+from pipeline.config.setup import Setup
 
 SITE = Site(np.deg2rad(39.98), 50.0)
 NOISE = NoiseModel(1.5e-7, 5e-5, 1e-3, 0.1)
@@ -91,3 +94,18 @@ def test_nees_counts_modelled_parameters_only():
     outcome = run(classic, range(320))
     assert (outcome.estimate[:, 21:] == 0).all()
     assert outcome.nees.mean() == pytest.approx(21, abs=5 * np.sqrt(42 / 320))
+
+
+def test_ramps_known_to_truth_and_filter_leave_it_consistent():
+    """The reference case with turns that a table can do."""
+    experiment = Setup(load(["schedule.turn_acceleration_deg_per_s2=20"])).experiment
+    assert experiment.motion.ramp.any()
+    outcome = run(experiment, range(128))
+    assert not outcome.failed.any()
+    low, high = chi2.ppf([0.5e-4, 1.0 - 0.5e-4], 128 * 27) / 128
+    assert low < outcome.nees.mean() < high
+    square = np.square((outcome.estimate - outcome.truth) / experiment.estimator.predicted_std)
+    # of all 27 at once one in ten thousand
+    low, high = chi2.ppf([0.5e-4 / 27, 1.0 - 0.5e-4 / 27], 128)
+    assert low < square.sum(axis=0).min()
+    assert square.sum(axis=0).max() < high

@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from conftest import SITES, paper_schedule
@@ -5,8 +7,8 @@ from scipy.integrate import quad_vec
 from scipy.spatial.transform import Rotation
 
 from inscal import earth
-from inscal.motion import Site, attitude_at, build_motion, update_count
-from inscal.schedule import Schedule, segments, turns_of
+from inscal.motion import Site, attitude_at, build_motion, cut_into_steps, update_count
+from inscal.schedule import Schedule, segments, turn_vector, turns_of
 
 SITE = Site(np.deg2rad(39.98), 50.0)
 
@@ -122,3 +124,76 @@ def test_turn_that_ends_between_updates():
 def test_schedule_that_is_no_multiple_of_the_update_is_refused():
     with pytest.raises(ValueError, match="no multiple"):
         update_count(paper_schedule(3, position_duration=20.25), 1.0)
+
+
+def turned(t, angle, rate, acceleration, end):
+    """Angle at time t of a turn that ends at `end`, from how far the table gets by then."""
+    ramp = min(rate / acceleration, np.sqrt(angle / acceleration))
+    top = acceleration * ramp
+    duration = ramp + angle / top
+    since, left = t - (end - duration), end - t
+    if since <= 0 or left <= 0:
+        return 0.0 if since <= 0 else angle
+    if since < ramp:
+        return 0.5 * acceleration * since**2
+    if left < ramp:
+        return angle - 0.5 * acceleration * left**2
+    return 0.5 * top * ramp + top * (since - ramp)
+
+
+@pytest.mark.parametrize(("rate", "acceleration"), [(10.0, 20.0), (30.0, 7.0), (60.0, 15.0)])
+def test_increments_of_ramps_against_fine_integration(rate, acceleration):
+    """Of the rate's integral in a formula of its own; trapezoids and, of 45 degrees, triangles."""
+    about = [(-90.0, "Y"), (45.0, "Z"), (180.0, "X")]
+    schedule = Schedule(
+        ("West", "South", "Up"), turns_of(about), 40.0, np.deg2rad(rate), np.deg2rad(acceleration)
+    )
+    motion = build(schedule, turn_step=0.23)
+    start = np.concatenate([[0.0], np.cumsum(motion.duration)])
+    bent = np.flatnonzero(motion.ramp)
+    assert len(bent) >= 18
+    for i in [*bent[::3], *range(0, motion.steps, 40)]:
+        number = min(int(0.5 * (start[i] + start[i + 1]) / 40.0), len(about) - 1)
+        degrees, axis = about[number]
+        amount, end = abs(degrees), 40.0 * (number + 1)
+        along = np.sign(degrees) * np.eye(3)["XYZ".index(axis)]
+        rest = segments(schedule)[0].attitude
+        for angle, name in about[:number]:
+            rest = rest @ Rotation.from_euler(name.lower(), angle, degrees=True).as_matrix()
+
+        def angle_at(t, amount=amount, end=end):
+            return np.deg2rad(turned(t, amount, rate, acceleration, end))
+
+        def to_body(t, rest=rest, along=along, angle_at=angle_at):
+            return (rest @ Rotation.from_rotvec(along * angle_at(t)).as_matrix()).T
+
+        mean, _ = quad_vec(to_body, start[i], start[i + 1], epsabs=1e-15, epsrel=1e-14)
+        force = mean @ -earth.gravity_ned(SITE.latitude, SITE.height)
+        np.testing.assert_allclose(
+            motion.velocity[i], force, rtol=0, atol=1e-12 * np.linalg.norm(force)
+        )
+        turn = along * (angle_at(start[i + 1]) - angle_at(start[i]))
+        angle = mean @ earth.earth_rate_ned(SITE.latitude) + turn
+        np.testing.assert_allclose(motion.angle[i], angle, rtol=0, atol=1e-13)
+
+
+def test_ramps_of_a_path_end_in_its_attitudes():
+    ramped = dataclasses.replace(paper_schedule(), turn_acceleration=np.deg2rad(20.0))
+    steps = cut_into_steps(ramped, update_interval=1.0, dwell_step=1.0, turn_step=0.3)
+    whole = np.zeros((24, 3))
+    for number in range(24):
+        own = steps.turn == number
+        whole[number] = (steps.rate[own] * steps.duration[own, None]).sum(axis=0)
+    expected = [turn_vector(turn) for turn in ramped.turns]
+    np.testing.assert_allclose(whole, expected, atol=1e-12)
+    # the rate goes up and down in each, without a jump between two steps
+    moving = np.flatnonzero(steps.turn >= 0)
+    before = steps.rate * (1.0 - steps.ramp)[:, None]
+    after = steps.rate * (1.0 + steps.ramp)[:, None]
+    np.testing.assert_allclose(before[moving], after[moving - 1], atol=1e-11)
+    assert np.abs(after).max() == pytest.approx(ramped.turn_rate)
+
+
+def test_without_ramps_no_step_has_one():
+    assert not build(paper_schedule(4, position_duration=40.0)).ramp.any()
+    assert not build(paper_schedule(4, position_duration=40.0)).ramp_terms.any()

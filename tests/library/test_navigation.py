@@ -1,3 +1,5 @@
+import dataclasses
+
 import numpy as np
 import pytest
 from conftest import SITES, paper_schedule
@@ -5,9 +7,9 @@ from scipy.spatial.transform import Rotation
 
 from inscal import earth, navigation
 from inscal.motion import Site, build_motion
-from inscal.navigation import advance, rotate_left, site_constants
+from inscal.navigation import advance, rotate_left, site_constants, straightened
 from inscal.rotation import skew
-from inscal.schedule import Schedule, turns_of
+from inscal.schedule import Schedule, attitudes, turns_of
 
 SITE = Site(np.deg2rad(39.98), 50.0)
 SCHULER = np.sqrt(9.8 / 6.37e6)
@@ -184,3 +186,48 @@ def test_rotate_left_is_the_matrix_exponential():
     rotate_left(state, 0, 0, tuple(phi))
     first_and_second = np.eye(3) + skew(phi) + skew(phi) @ skew(phi) / 2
     np.testing.assert_allclose(state[:9, 0].reshape(3, 3), first_and_second @ before, atol=1e-8)
+
+
+def at_rest_through(schedule, site, turn_step, *, knowing=True):
+    """Velocity, m/s, after perfect increments of a schedule, unaided; ramps are known or not."""
+    motion = build_motion(schedule, site, update_interval=2.0, dwell_step=2.0, turn_step=turn_step)
+    state, about = still(motion.initial_attitude), site_constants(site)
+    for s in range(motion.steps):
+        step, dt = (tuple(motion.angle[s]), tuple(motion.velocity[s])), motion.duration[s]
+        if motion.ramp[s] != 0.0 and knowing:
+            step = straightened(state, 0, 0, *step, dt, about, motion.ramp_terms, s)
+        advance(state, 0, 0, *step, dt, about)
+    return np.abs(state[9:12]).max(), state[:9, 0].reshape(3, 3)
+
+
+RAMPED = Schedule(
+    ("West", "South", "Up"),
+    turns_of([(-45.0, "Z"), (270.0, "X"), (-180.0, "Y")]),
+    60.0,
+    np.deg2rad(20.0),
+    np.deg2rad(15.0),
+)
+
+
+@pytest.mark.parametrize("place", SITES)
+def test_stays_at_rest_through_ramps_at_every_site(place):
+    at_once = dataclasses.replace(RAMPED, turn_acceleration=None)
+    for turn_step in (0.1, 0.3):
+        steady, _ = at_rest_through(at_once, SITES[place], turn_step)
+        bent, attitude = at_rest_through(RAMPED, SITES[place], turn_step)
+        # no worse than in steady turns, where the frame's own turn is known to second order
+        assert bent < max(1.5 * steady, 2e-8 * (turn_step / 0.1) ** 3)
+        np.testing.assert_allclose(attitude, attitudes(RAMPED)[-1], atol=1e-9)
+
+
+def test_velocity_error_in_ramps_falls_with_the_third_power_of_the_step():
+    error = [at_rest_through(RAMPED, SITE, step)[0] for step in (0.6, 0.3, 0.15)]
+    assert error[0] < 3e-6  # m/s
+    assert error[0] > 5 * error[1] > 25 * error[2]
+
+
+def test_ramps_taken_for_steady_turns_are_no_rest():
+    """And of second order in the step: what choosing the step by the ramp would cost."""
+    error = [at_rest_through(RAMPED, SITE, step, knowing=False)[0] for step in (0.3, 0.1)]
+    assert error[0] > 3e-5  # m/s, of which ramps down give back most that ramps up took
+    assert error[0] / error[1] == pytest.approx(9.0, rel=0.1)

@@ -1,6 +1,10 @@
+import dataclasses
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from conftest import paper_schedule
+from scipy.spatial.transform import Rotation
 
 from inscal.schedule import (
     Schedule,
@@ -94,3 +98,47 @@ def test_left_handed_posture_and_long_turn_are_refused():
         initial_attitude(("North", "East", "Up"))
     with pytest.raises(ValueError, match="longer than a position"):
         segments(paper_schedule(2, position_duration=5.0))
+
+
+RAMPED = [(90.0, "Y"), (-180.0, "X"), (45.0, "Z"), (-360.0, "Y")]
+
+
+@pytest.mark.parametrize("acceleration", [5.0, 20.0, 500.0])
+def test_ramps_join_rest_and_rate_without_a_jump(acceleration):
+    schedule = Schedule(
+        ("South", "Up", "West"), turns_of(RAMPED), 60.0, np.deg2rad(30.0), np.deg2rad(acceleration)
+    )
+    parts = segments(schedule)
+    for before, after in pairwise(parts):
+        assert before.end == after.start
+        end = np.array([before.end])
+        np.testing.assert_allclose(before.rate_at(end)[0], after.rate, atol=1e-11)
+        reached = before.attitude @ Rotation.from_rotvec(before.turned_at(end)[0]).as_matrix()
+        np.testing.assert_allclose(reached, after.attitude, atol=1e-11)
+    assert parts[-1].end == 300.0
+    assert max(np.abs(p.rate).max() for p in parts) <= np.deg2rad(30.0)
+    assert np.unique([p.turn for p in parts]).tolist() == [-1, 0, 1, 2, 3]
+
+
+def test_ramps_begin_earlier_and_end_in_time():
+    names, turns = ("North", "East", "Down"), turns_of([(-90.0, "X")])
+    rest, up, steady, down, last = segments(Schedule(names, turns, 100.0, 0.2, 0.05))
+    assert rest.end == up.start == pytest.approx(100.0 - np.pi / 2 / 0.2 - 4.0)
+    assert up.end - up.start == pytest.approx(4.0) == pytest.approx(down.end - down.start)
+    assert down.end == last.start == 100.0
+    assert up.acceleration.tolist() == pytest.approx([-0.05, 0.0, 0.0])
+    assert down.acceleration.tolist() == pytest.approx([0.05, 0.0, 0.0])
+    assert steady.rate.tolist() == [-0.2, 0.0, 0.0]
+    assert not steady.is_ramp
+    assert [p.is_turn for p in (rest, up, steady, down, last)] == [False, True, True, True, False]
+    # too small a turn for the full rate goes up and down again
+    small = segments(Schedule(names, turns, 100.0, 2.0, 0.05))
+    assert len(small) == 4
+    assert np.abs(small[2].rate).max() == pytest.approx(np.sqrt(np.pi / 2 * 0.05))
+
+
+def test_ramps_must_fit_into_the_position_too():
+    schedule = dataclasses.replace(paper_schedule(3), position_duration=18.4)
+    assert len(segments(schedule)) == 5
+    with pytest.raises(ValueError, match=r"turn 2 takes 18\.5 s, which is longer than a position"):
+        segments(dataclasses.replace(schedule, turn_acceleration=np.deg2rad(20.0)))

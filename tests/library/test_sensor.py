@@ -1,11 +1,12 @@
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
 from inscal import parameters
-from inscal.sensor import compensate, inverse_matrices, sense
+from inscal.sensor import compensate, compensate_in_ramp, inverse_matrices, sense, sense_in_ramp
 
 NOTHING = (0.0, 0.0, 0.0)
 unit = arrays(float, 27, elements=st.floats(-1, 1))
@@ -96,3 +97,52 @@ def test_variance_within_a_step_is_that_of_a_turning_force():
     quadratic = np.abs(whole).max() ** 2 / dt * 5e-5
     # without the spread it would be off by theta^2 / 12, half a per mille
     assert np.abs(back - whole).max() < 5e-6 * quadratic
+
+
+@pytest.mark.parametrize("rates", [(0.0, 10.0), (10.0, 0.0), (4.0, 9.0), (-3.0, -8.0)])
+def test_ramp_is_that_of_many_small_steps(rates):
+    """Lever arms and quadratic terms of a sensor at four thousand times the rate, one at a time."""
+    dt, fine, force = 0.5, 4000, np.array([2.0, -5.0, 8.0])
+    axis = np.array([3.0, -2.0, 3.0]) / np.sqrt(22.0)
+    first, last = np.deg2rad(rates)
+    ramp = (last - first) / (last + first)
+
+    def angle_at(t):
+        return first * t + 0.5 * (last - first) / dt * t**2
+
+    edges = np.linspace(0.0, dt, fine + 1)
+    angle, middle = angle_at(edges), angle_at(0.5 * (edges[1:] + edges[:-1]))
+    for group, size, tolerance in (
+        ("lever_arm", [0.03, -0.02, 0.05], 2e-6),
+        ("accel_quadratic", [5e-5, -4e-5, 3e-5], 5e-6),
+    ):
+        p = np.zeros((27, 1))
+        p[parameters.INDEX[group], 0] = size
+        whole, reported = np.zeros(3), np.zeros(3)
+        for k in range(fine):
+            f = Rotation.from_rotvec(-axis * middle[k]).apply(force) * dt / fine
+            w = axis * (angle[k + 1] - angle[k])
+            _, v = sense(p, inverse_matrices(p), 0, tuple(w), tuple(f), NOTHING, NOTHING, dt / fine)
+            whole, reported = whole + f, reported + v
+        turned = tuple(axis * angle[-1])
+        effect = np.abs(whole - reported).max()
+        _, back = compensate_in_ramp(p, 0, turned, tuple(reported), dt, ramp)
+        assert np.abs(back - whole).max() < tolerance * effect
+        if group == "lever_arm":  # what a steady turn would have needs ramp^2 / 3 more
+            _, steady = compensate(p, 0, turned, tuple(reported), dt)
+            assert np.abs(steady - whole).max() > 0.02 * effect
+
+
+@pytest.mark.parametrize("ramp", [1.0, -1.0, 0.3])
+def test_compensation_undoes_the_sensor_in_a_ramp(ramp):
+    p = np.full((27, 1), 1e-4)
+    p[parameters.INDEX["lever_arm"], 0] = [0.03, -0.02, 0.05]
+    p[parameters.INDEX["accel_quadratic"], 0] = [5e-5, -4e-5, 3e-5]
+    angle, velocity, dt = (0.04, -0.02, 0.03), (1.0, -2.5, 4.0), 0.5
+    noise = (1e-6, -2e-6, 3e-6), (1e-4, 2e-4, -1e-4)
+    reported = sense_in_ramp(p, inverse_matrices(p), 0, angle, velocity, NOTHING, NOTHING, dt, ramp)
+    back = compensate_in_ramp(p, 0, *reported, dt, ramp)
+    np.testing.assert_allclose(back, (angle, velocity), rtol=1e-13, atol=1e-15)
+    noisy = sense_in_ramp(p, inverse_matrices(p), 0, angle, velocity, *noise, dt, ramp)
+    back = compensate_in_ramp(p, 0, *noisy, dt, ramp)
+    np.testing.assert_allclose(np.subtract((angle, velocity), back), noise, atol=4e-8)
