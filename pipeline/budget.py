@@ -61,7 +61,7 @@ def main(config: Config) -> None:
     if found.size:
         _show_tolerances(found)
     if config.out:
-        write_json(config.out, found.content(), indent=2)
+        write_json(config.out, found.content())
 
 
 if __name__ == "__main__":
