@@ -97,7 +97,9 @@ def ramp(updates, gyro_noise=0.0):
     parameter[0, 3:6] = np.diag([1.0, 2.0, 3.0])
     noise = np.zeros((NAVIGATION, NAVIGATION))
     noise[3:6, 3:6] = gyro_noise**2 * np.eye(3)
-    return Transitions(np.eye(NAVIGATION), parameter, np.zeros(updates, int), noise)
+    still = np.zeros((NAVIGATION, NAVIGATION))
+    index = np.zeros(updates, int)
+    return Transitions(np.eye(NAVIGATION), parameter, index, noise, still, 1.0)
 
 
 def test_straight_line_in_closed_form():
