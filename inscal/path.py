@@ -1,0 +1,130 @@
+"""A path in the steps of a simulation: what the effects of disturbances need to know of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from inscal import earth
+from inscal.motion import Motion, Site, Steps
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+
+
+@dataclass(frozen=True)
+class Path:
+    """What effects need to know of a path.
+
+    Attributes
+    ----------
+    steps : Steps
+    motion : Motion
+        In the same steps.
+    site : Site
+    """
+
+    steps: Steps
+    motion: Motion
+    site: Site
+
+    @cached_property
+    def edges(self) -> np.ndarray:
+        """Times of the steps' ends, s, shape (steps + 1,)."""
+        return np.concatenate([[0.0], np.cumsum(self.steps.duration)])
+
+    @cached_property
+    def to_body(self) -> np.ndarray:
+        """Integral of the NED-to-body matrix over each step, s, shape (steps, 3, 3)."""
+        return self.steps.to_body
+
+    @cached_property
+    def gravity(self) -> np.ndarray:
+        """Gravity, NED, shape (3,)."""
+        return earth.gravity_ned(self.site.latitude, self.site.height)
+
+    @cached_property
+    def earth_rate(self) -> np.ndarray:
+        """Rate of the Earth, NED, shape (3,)."""
+        return earth.earth_rate_ned(self.site.latitude)
+
+    @cached_property
+    def turn_of(self) -> np.ndarray:
+        """Number of the turn that a step is of, -1 at rest, shape (steps,)."""
+        turning = self.steps.rate.any(axis=1)
+        first = turning & np.diff(self.steps.segment, prepend=-1).astype(bool)
+        return np.where(turning, np.cumsum(first) - 1, -1)
+
+    @cached_property
+    def end_attitude(self) -> np.ndarray:
+        """Body-to-NED matrices at the end of each step, shape (steps, 3, 3)."""
+        last = self.steps.attitude[-1:]  # the last position only dwells
+        return np.concatenate([self.steps.attitude[1:], last])
+
+    @cached_property
+    def rate_change(self) -> np.ndarray:
+        """Change of the inertial rate over each step, jumps of a turn inside it, (steps, 3)."""
+        w, number = self.steps.rate, self.turn_of
+        start = self.steps.attitude.mT @ self.earth_rate
+        change = self.end_attitude.mT @ self.earth_rate - start
+        change += w * (np.diff(number, prepend=-1) != 0)[:, None]
+        change -= w * (np.diff(number, append=-1) != 0)[:, None]
+        return np.asarray(change)
+
+    def mean_of(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """Mean over every step of a function of the specific force, which takes (..., 3)."""
+        total = 0.0
+        force = self.steps.attitude.mT @ -self.gravity
+        for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+            turned = self.steps.rate * (0.5 * (1.0 + node) * self.steps.duration)[:, None]
+            total = total + 0.5 * weight * function(_turned(-turned, force))
+        return np.asarray(total)
+
+
+def _turned(vector: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Force after a rotation by a vector, all of shape (steps, 3)."""
+    angle = np.linalg.norm(vector, axis=1)[:, None]
+    a, b = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    once = np.cross(vector, force)
+    return np.asarray(force + a * once + b * np.cross(vector, once))
+
+
+def attitude_effect(path: Path, psi: np.ndarray, gained: np.ndarray) -> np.ndarray:
+    """Effect of an attitude error that is `psi` on average in a step, by `gained` more after it.
+
+    Parameters
+    ----------
+    path : Path
+    psi : ndarray, shape (steps, 3)
+        NED, rad.
+    gained : ndarray, shape (steps, 3)
+        In body axes, rad.
+
+    Returns
+    -------
+    ndarray, shape (steps, 6)
+    """
+    force = np.cross(psi, path.gravity)
+    rate = -np.cross(psi, path.earth_rate)
+    b = path.to_body
+    return np.concatenate(
+        [np.einsum("sij,sj->si", b, rate) + gained, np.einsum("sij,sj->si", b, force)], axis=1
+    )
+
+
+def turned_otherwise(path: Path, rate: np.ndarray) -> np.ndarray:
+    """Effect of a body rate in excess of the table's planned one.
+
+    Parameters
+    ----------
+    path : Path
+    rate : ndarray, shape (steps, 3)
+        In body axes, constant within a step, rad/s.
+
+    Returns
+    -------
+    ndarray, shape (steps, 6)
+    """
+    gain = np.einsum("sji,sj->si", path.to_body, rate)
+    psi = np.cumsum(gain, axis=0) - 0.5 * gain
+    return attitude_effect(path, psi, rate * path.steps.duration[:, None])
