@@ -1,4 +1,4 @@
-"""What a truth holds beyond the filter's model: sizes, the constants drawn from them, their streams.
+"""What a truth holds beyond the filter's model: sizes, constants drawn from them, their streams.
 
 Every size is zero unless given, and what is zero is left out altogether. Three kinds:
 
@@ -60,6 +60,13 @@ PROCESSES = (
 
 SOURCES = (*COMPONENTS, *PROCESSES)
 """In the order of their streams: append only, or the draws of others change."""
+
+
+_NEEDS = {
+    "gyro_wander": "gyro_wander_time",
+    "accel_wander": "accel_wander_time",
+    "vibration": "vibration_frequency",
+}
 
 
 @dataclass(frozen=True)
@@ -176,8 +183,9 @@ class Disturbance:
 
     @property
     def absent(self) -> bool:
-        """Whether nothing is disturbed at all."""
-        return self == Disturbance()
+        """Whether nothing is disturbed but the size of the noise."""
+        further = self.gyro_quantisation, self.accel_quantisation, self.observation_correlation_time
+        return not (self.constants or self.processes or any(further))
 
     @property
     def constants(self) -> list[str]:
@@ -190,11 +198,8 @@ class Disturbance:
         return [name for name in PROCESSES if getattr(self, name) > 0.0]
 
 
-_NEEDS = {
-    "gyro_wander": "gyro_wander_time",
-    "accel_wander": "accel_wander_time",
-    "vibration": "vibration_frequency",
-}
+NOTHING = Disturbance()
+"""No disturbance at all."""
 
 
 def stream(seed: int, run: int, source: str) -> np.random.Generator:

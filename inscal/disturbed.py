@@ -1,12 +1,14 @@
-r"""Disturbances put into simulated records: what `inscal.simulation.simulate` does beyond the model.
+r"""Disturbances put into simulated records, of which `inscal.simulation` knows nothing.
 
-Constants act through the rows of `inscal.unit_effects`, processes through `inscal.wander`; both
-add up to *apparent* increments beside the true ones, and the sensors report the sum. The rest:
+Constants act through the rows of `inscal.unit_effects`, processes through `inscal.wander`. Both
+are *apparent* increments a beside the true ones t: sensors that `sense` would report of t + a what
+they now report of t, so that much is added to the record. (Of noise, the quadratic term then sees
+the force without a: below 1e-10 of the noise.) Beside them:
 
 - **Turn rate** off by a share r. A turn of rate (1 + r) w still ends in time, so it starts later by
   r / (1 + r) of its duration; its increments are exact, those of a rest and of a steady turn.
 - **Pulses.** A sensor counts whole pulses of its integral and carries the remainder (Savage,
-  Strapdown Analytics, 2000, sec. 8.1.3): what it has reported is within half a pulse of what it saw.
+  Strapdown Analytics, 2000, sec. 8.1.3): it has reported what it saw to within half a pulse.
 - **Correlated observations.** Noise n of the same sigma becomes x_k = c x_{k-1} +
   sqrt(1 - c^2) n_k with c = exp(-interval / time), x_0 = n_0.
 - **Noise factors** multiply the true noise.
@@ -14,6 +16,7 @@ add up to *apparent* increments beside the true ones, and the sensors report the
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,16 +24,29 @@ from scipy.spatial.transform import Rotation
 from inscal.disturbance import Disturbance, draw_constants
 from inscal.kernel import LANES, compiled
 from inscal.motion import Motion, Site, cut_into_steps
+from inscal.parameters import COUNT
 from inscal.path import Path
-from inscal.record import OBSERVED
+from inscal.record import OBSERVED, Record
 from inscal.rotation import mean_rotation
 from inscal.schedule import Schedule
+from inscal.sensor import inverse_matrices, sense
 from inscal.state_model import NoiseModel
 from inscal.unit_effects import DELAY_TERMS, delay_series, effect
 from inscal.wander import add_process
 
 _DELAY = "gyro_accel_delay"
 _TURN_RATE = "turn_rate"
+
+
+def true_noise(believed: NoiseModel, disturbance: Disturbance) -> NoiseModel:
+    """Noise where a filter believes in `believed`."""
+    return replace(
+        believed,
+        gyro=disturbance.gyro_noise_factor * believed.gyro,
+        accel=disturbance.accel_noise_factor * believed.accel,
+        velocity=disturbance.velocity_noise_factor * believed.velocity,
+        position=disturbance.position_noise_factor * believed.position,
+    )
 
 
 @dataclass(frozen=True)
@@ -44,9 +60,9 @@ class Disturbed:
     interval : float
         Between observations, s.
     rows : ndarray, shape (steps, 6, n)
-        Effects on apparent increments of the constants, source by source.
+        Effects on apparent increments of the constants, source by source, rad and m/s.
     observed : ndarray, shape (OBSERVED, n)
-        Their effects on observations.
+        Their effects on observations, m/s and m.
     """
 
     disturbance: Disturbance
@@ -55,30 +71,46 @@ class Disturbed:
     rows: np.ndarray
     observed: np.ndarray
 
-    @property
-    def turns(self) -> int:
-        """Number of turns."""
-        return int(self.path.turn_of.max()) + 1
+    def put_into(
+        self, record: Record, truth: np.ndarray, *, seed: int, runs: Sequence[int]
+    ) -> None:
+        """Disturb the record of `LANES` runs, in place.
 
-    @property
+        Parameters
+        ----------
+        record : Record
+        truth : ndarray, shape (27, LANES)
+            True parameters, SI.
+        seed : int
+            The campaign's.
+        runs : sequence of int, length LANES
+        """
+        about, motion = self.disturbance, self.path.motion
+        constants = self.constants(seed, runs)
+        if self.alters_sensors:
+            apparent = self.apparent(constants, seed=seed, runs=runs)
+            inverse = inverse_matrices(truth)
+            nominal = motion.duration, motion.angle, motion.velocity
+            _report(truth, inverse, *nominal, apparent, record.sensors)
+        for first, pulse in ((0, about.gyro_quantisation), (3, about.accel_quantisation)):
+            if pulse > 0.0:
+                _count(record.sensors, first, pulse)
+        if about.observation_correlation_time > 0.0:
+            _correlate(
+                record.observations, np.exp(-self.interval / about.observation_correlation_time)
+            )
+        if self.observed.any():
+            seen = record.observations
+            seen += self.observed @ constants
+
+    @cached_property
     def alters_sensors(self) -> bool:
-        """Whether increments are other than those of the model with some white noise."""
+        """Whether there are apparent increments at all."""
         about = self.disturbance
-        return bool(self.rows.any() or about.processes or about.turn_rate)
-
-    def noise(self, believed: NoiseModel) -> NoiseModel:
-        """True noise where the noise model gives `believed`."""
-        about = self.disturbance
-        return replace(
-            believed,
-            gyro=about.gyro_noise_factor * believed.gyro,
-            accel=about.accel_noise_factor * believed.accel,
-            velocity=about.velocity_noise_factor * believed.velocity,
-            position=about.position_noise_factor * believed.position,
-        )
+        return bool(self.rows.any() or about.processes or about.turn_rate > 0.0)
 
     def constants(self, seed: int, runs: Sequence[int]) -> np.ndarray:
-        """What the rows are multiplied with, shape (n, LANES)."""
+        """What the rows are multiplied with in some runs, shape (n, runs)."""
         drawn = [
             _powers(constants) if source == _DELAY else constants
             for source in _linear(self.disturbance)
@@ -86,42 +118,20 @@ class Disturbed:
         ]
         return np.concatenate([np.empty((0, len(runs))), *drawn])
 
-    def increments(
-        self, seed: int, runs: Sequence[int], constants: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """True and apparent increments of `LANES` runs, each of shape (steps, 6, LANES)."""
+    def apparent(self, constants: np.ndarray, *, seed: int, runs: Sequence[int]) -> np.ndarray:
+        """Apparent increments of `LANES` runs, rad and m/s, shape (steps, 6, LANES)."""
         motion = self.path.motion
-        nominal = np.concatenate([motion.angle, motion.velocity], axis=1)
-        true = np.repeat(nominal[:, :, None], LANES, axis=2)
-        apparent = np.zeros_like(true)
-        _combine(self.rows, constants, apparent)
+        out = np.zeros((motion.steps, 6, LANES))
+        _combine(self.rows, constants, out)
         for source in self.disturbance.processes:
-            add_process(
-                apparent, self.disturbance, source, motion.duration, seed=seed, runs=runs
-            )
+            add_process(out, self.disturbance, source, motion.duration, seed=seed, runs=runs)
         if self.disturbance.turn_rate > 0.0:
-            for lane, [share] in enumerate(self._drawn(_TURN_RATE, seed, runs).T):
-                turn_at_rate(self.path, share, true[:, :, lane])
-        return true, apparent
-
-    def observe(self, observations: np.ndarray, constants: np.ndarray) -> None:
-        """Disturb observations, (updates, 6, LANES), in place."""
-        time = self.disturbance.observation_correlation_time
-        if time > 0.0:
-            _correlate(observations, np.exp(-self.interval / time))
-        for row, constant in zip(self.observed.T, constants, strict=True):
-            if row.any():
-                observations += row[:, None] * constant
-
-    def count_pulses(self, sensors: np.ndarray) -> None:
-        """Make sensors report whole pulses, (steps, 6, LANES), in place."""
-        about = self.disturbance
-        for part, pulse in ((0, about.gyro_quantisation), (3, about.accel_quantisation)):
-            if pulse > 0.0:
-                _count(sensors, part, pulse)
+            for lane, share in enumerate(self._drawn(_TURN_RATE, seed, runs)[0]):
+                out[:, :, lane] += turn_at_rate(self.path, share)
+        return out
 
     def _drawn(self, source: str, seed: int, runs: Sequence[int]) -> np.ndarray:
-        return draw_constants(self.disturbance, source, self.turns, seed=seed, runs=runs)
+        return draw_constants(self.disturbance, source, self.path.turns, seed=seed, runs=runs)
 
 
 def disturb(
@@ -185,39 +195,41 @@ def _powers(delay: np.ndarray) -> np.ndarray:
     return np.array([side**n for side in (late, early) for n in range(1, DELAY_TERMS + 1)])
 
 
-def turn_at_rate(path: Path, share: float, true: np.ndarray) -> None:
-    """Increments of turns that are faster by a share and end in time.
+def turn_at_rate(path: Path, share: float) -> np.ndarray:
+    """Change of the true increments where turns are faster by a share, and end in time.
 
     Parameters
     ----------
     path : Path
     share : float
-        Above -1. A turn too slow for its position takes all of it.
-    true : ndarray, shape (steps, 6)
-        Changed in place.
+        Above -1. A turn that is too slow for its position takes all of it.
+
+    Returns
+    -------
+    ndarray, shape (steps, 6)
+        rad and m/s.
     """
-    edges, steps = path.edges, path.steps
-    for turn in range(int(path.turn_of.max()) + 1):
-        own = np.flatnonzero(path.turn_of == turn)
-        first = int(np.searchsorted(steps.segment, max(steps.segment[own[0]] - 1, 0)))
-        earliest, planned, end = edges[first], edges[own[0]], edges[own[-1] + 1]
-        duration = end - planned
-        start = max(end - duration / max(1.0 + share, 1e-3), earliest)
+    edges, steps, motion = path.edges, path.steps, path.motion
+    change, earliest = np.zeros((motion.steps, 6)), 0
+    for turn in range(path.turns):
+        own = np.flatnonzero(steps.turn == turn)
+        end, stop = edges[own[-1] + 1], own[-1] + 1
+        duration = end - edges[own[0]]
+        start = max(end - duration / max(1.0 + share, 1e-3), edges[earliest])
         rate = steps.rate[own[0]] * (duration / (end - start))
-        first = max(int(np.searchsorted(edges, min(start, planned), side="right")) - 1, first)
-        window = slice(first, own[-1] + 1)
-        a, b = edges[window], edges[1:][window]
-        begin = np.clip(start, a, b)
-        rest, moving = begin - a, b - begin
-        turned = np.maximum(begin - start, 0.0)[:, None] * rate
+        window = slice(earliest, stop)
+        rest = np.clip(start - edges[window], 0.0, steps.duration[window])
+        moving = steps.duration[window] - rest
+        turned = (edges[window] + rest - start).clip(0.0)[:, None] * rate
         at_rest = steps.attitude[own[0]]
         attitude = at_rest @ Rotation.from_rotvec(turned).as_matrix()
-        to_body = rest[:, None, None] * at_rest.T
-        to_body = to_body + moving[:, None, None] * (
-            mean_rotation(-moving[:, None] * rate) @ attitude.mT
-        )
-        true[window, :3] = moving[:, None] * rate + to_body @ path.earth_rate
-        true[window, 3:] = to_body @ -path.gravity
+        to_body = mean_rotation(-moving[:, None] * rate) @ attitude.mT
+        to_body = rest[:, None, None] * at_rest.T + moving[:, None, None] * to_body
+        angle = moving[:, None] * rate + to_body @ path.earth_rate
+        change[window, :3] = angle - motion.angle[window]
+        change[window, 3:] = to_body @ -path.gravity - motion.velocity[window]
+        earliest = stop
+    return change
 
 
 @compiled
@@ -238,9 +250,35 @@ def _combine(rows, constants, out):
 
 
 @compiled
-def _count(sensors, part, pulse):
+def _report(truth, inverse, duration, angle, velocity, apparent, out):
+    """Add to reported increments what sensors without noise report of apparent ones."""
+    p = np.empty((COUNT, LANES))
+    g = np.empty((15, LANES))
+    for j in range(LANES):
+        for i in range(COUNT):
+            p[i, j] = truth[i, j]
+        for i in range(15):
+            g[i, j] = inverse[i, j]
+    nil = (0.0, 0.0, 0.0)
+    for s in range(len(out)):
+        dt = duration[s]
+        da = (angle[s, 0], angle[s, 1], angle[s, 2])
+        dv = (velocity[s, 0], velocity[s, 1], velocity[s, 2])
+        x = apparent[s]
+        for j in range(LANES):
+            a, v = sense(p, g, j, da, dv, nil, nil, dt)
+            more = (da[0] + x[0, j], da[1] + x[1, j], da[2] + x[2, j])
+            faster = (dv[0] + x[3, j], dv[1] + x[4, j], dv[2] + x[5, j])
+            b, u = sense(p, g, j, more, faster, nil, nil, dt)
+            for c in range(3):
+                out[s, c, j] += b[c] - a[c]
+                out[s, 3 + c, j] += u[c] - v[c]
+
+
+@compiled
+def _count(sensors, first, pulse):
     per_pulse = 1.0 / pulse
-    for c in range(part, part + 3):
+    for c in range(first, first + 3):
         remainder = np.zeros(LANES)
         for s in range(len(sensors)):
             for j in range(LANES):
@@ -256,4 +294,5 @@ def _correlate(observations, kept):
     for k in range(1, len(observations)):
         for c in range(6):
             for j in range(LANES):
-                observations[k, c, j] = kept * observations[k - 1, c, j] + new * observations[k, c, j]
+                before = kept * observations[k - 1, c, j]
+                observations[k, c, j] = before + new * observations[k, c, j]

@@ -12,6 +12,7 @@ import numpy as np
 
 from inscal.calibrator import Calibration, History, calibrate, empty_history
 from inscal.convergence import NOT_FINITE
+from inscal.disturbed import Disturbed, disturb, true_noise
 from inscal.estimator import Belief, Estimator, build_estimator
 from inscal.kernel import LANES
 from inscal.motion import Motion, Site, build_motion
@@ -33,6 +34,8 @@ class Experiment:
     truth : Truth
     estimator : Estimator
         What comes of the filter's belief.
+    disturbed : Disturbed or None
+        What comes of the truth's disturbances; None where there are none.
     """
 
     seed: int
@@ -40,6 +43,7 @@ class Experiment:
     motion: Motion
     truth: Truth
     estimator: Estimator
+    disturbed: Disturbed | None
 
 
 def prepare(
@@ -77,18 +81,28 @@ def prepare(
     ValueError
         If the schedule is not a whole number of update intervals long, or a turn does not fit.
     """
+    motion = build_motion(
+        schedule,
+        site,
+        update_interval=belief.update_interval,
+        dwell_step=dwell_step,
+        turn_step=turn_step,
+    )
     return Experiment(
         seed=seed,
         site=site,
-        motion=build_motion(
+        motion=motion,
+        truth=truth,
+        estimator=build_estimator(schedule, site, belief),
+        disturbed=disturb(
+            truth.disturbance,
             schedule,
             site,
+            motion,
             update_interval=belief.update_interval,
             dwell_step=dwell_step,
             turn_step=turn_step,
         ),
-        truth=truth,
-        estimator=build_estimator(schedule, site, belief),
     )
 
 
@@ -200,15 +214,18 @@ def tiles(
         used = len(numbers)
         truth = np.array([draw_truth(parameters, experiment.seed, r) for r in numbers])
         lanes = np.minimum(np.arange(LANES), used - 1)  # spare lanes repeat the last run
+        about, drawn = experiment.truth, [numbers[lane] for lane in lanes]
         record = simulate(
             truth[lanes].T,
             experiment.motion,
-            experiment.truth.noise,
-            experiment.truth.initial,
+            true_noise(about.noise, about.disturbance),
+            about.initial,
             seed=experiment.seed,
-            runs=[numbers[lane] for lane in lanes],
+            runs=drawn,
             workspace=workspace,
         )
+        if experiment.disturbed is not None:
+            experiment.disturbed.put_into(record, truth[lanes].T, seed=experiment.seed, runs=drawn)
         calibration = calibrate(
             record, experiment.motion, experiment.site, experiment.estimator, history=history
         )

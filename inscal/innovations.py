@@ -7,20 +7,23 @@ filter's six unit white sequences; the squared length of the six is the normalis
 squared (NIS).
 
 A later pass starts from a result that its record has already led to (`inscal.estimator`). Its
-innovations are residuals of a fit: the constants take up to one unit of NIS each, over the whole
-record, and no more.
+innovations are residuals of a fit: every constant takes one unit of NIS, over the whole record, or
+as much less as the prior still tells of it (`units_told`).
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from inscal.calibrator import empty_history
+from inscal.chance import clopper_pearson
+from inscal.estimator import Estimator
 from inscal.experiment import Experiment, tiles
 from inscal.parameters import COUNT
 from inscal.record import OBSERVED
-from inscal.statistics import Bounded, autocorrelation, white_band, wilson_interval
+from inscal.statistics import Bounded, checked_errors, normal_quantile
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,33 @@ def innovation_statistics(
     return result
 
 
+def units_told(estimator: Estimator, number: int) -> float:
+    """Units of NIS that a run's pass lacks, because its start was fitted to the same record.
+
+    Parameters
+    ----------
+    estimator : Estimator
+    number : int
+        Of the pass, counted from 0.
+
+    Returns
+    -------
+    float
+        Zero in the first pass; later the trace of I - P P_0^-1 over the constants modelled.
+
+    Notes
+    -----
+    With y = H x + v, v of covariance R, and the estimate x0 of the prior (m, P_0), what that leaves
+    of the record is y - H x0 = R S^-1 (y - H m), S = H P_0 H^T + R. Its squared length in R is on
+    average the trace of R S^-1: the number of observations less the trace of K H = I - P P_0^-1.
+    A tight prior about x0 instead changes that by the pull of (m, P_0), squared: a share P P_0^-1
+    of a unit at most, neglected.
+    """
+    if number == 0:
+        return 0.0
+    return float((estimator.per_sigma > 0.0).sum() - np.trace(estimator.pull))
+
+
 def whiten(innovation: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Unit sequences: innovations over the Cholesky factors of their predicted covariances.
 
@@ -98,6 +128,45 @@ def whiten(innovation: np.ndarray, covariance: np.ndarray) -> np.ndarray:
         White with unit covariance if the filter is optimal.
     """
     return np.linalg.inv(np.linalg.cholesky(covariance)) @ innovation
+
+
+def autocorrelation(innovation: ArrayLike, lags: Sequence[int]) -> np.ndarray:
+    """Time-average autocorrelation of an innovation sequence by component (Bar-Shalom et al.).
+
+    Parameters
+    ----------
+    innovation : array_like, shape (updates, m)
+        Not all zero in any component. The mean is not taken out: innovations should have none.
+    lags : sequence of int
+        Each from 1 to updates - 1.
+
+    Returns
+    -------
+    ndarray, shape (lags, m)
+        Between -1 and 1; within `white_band` for 95 of 100 lags if the innovations are white.
+
+    Raises
+    ------
+    ValueError
+        If a lag is out of range.
+    """
+    values = checked_errors(innovation)
+    out = np.empty((len(lags), values.shape[1]))
+    for row, lag in enumerate(lags):
+        if not 1 <= lag < len(values):
+            raise ValueError(f"lag {lag} does not lie between 1 and {len(values) - 1}")
+        early, late = values[:-lag], values[lag:]
+        power = np.square(early).sum(axis=0) * np.square(late).sum(axis=0)
+        out[row] = (early * late).sum(axis=0) / np.sqrt(power)
+    return out
+
+
+def white_band(updates: int, confidence: float = 0.95) -> float:
+    """Half-width of the band of a white sequence's autocorrelation (Bar-Shalom et al.).
+
+    By normal approximation 1.96 / sqrt(updates) at 95 %, for lags far below `updates`.
+    """
+    return float(normal_quantile(confidence) / np.sqrt(updates))
 
 
 def _autocorrelation(unit: np.ndarray, lags: Sequence[int]) -> np.ndarray:
@@ -136,4 +205,4 @@ def share_beyond_band(
     # a correlation at lag k is one of updates - k pairs
     limit = np.array([white_band(updates - lag, band) for lag in lags])
     beyond = np.abs(correlation) > limit.reshape(-1, *[1] * (correlation.ndim - 1))
-    return wilson_interval(beyond.sum(), beyond.size, confidence)
+    return clopper_pearson(beyond.sum(), beyond.size, confidence)

@@ -33,9 +33,10 @@ CACHE_LINE = 64
 """Bytes; also the width of the widest vector."""
 
 RUN_MODULES = (
-    *("calibrator", "convergence", "directions", "earth", "estimator", "experiment", "kernel"),
-    *("motion", "navigation", "parameters", "record", "recursion", "rotation", "schedule"),
-    *("sensor", "simulation", "state_model", "statistics", "units"),
+    *("calibrator", "convergence", "directions", "disturbance", "disturbed", "earth", "estimator"),
+    *("experiment", "kernel", "motion", "navigation", "parameters", "path", "record", "recursion"),
+    *("rotation", "schedule", "sensor", "simulation", "state_model", "statistics", "unit_effects"),
+    *("units", "wander"),
 )
 """Modules that the result of a run depends on: all that `inscal.experiment` imports."""
 

@@ -144,10 +144,38 @@ def attitude_at(segment: Segment, times: np.ndarray) -> np.ndarray:
     return segment.attitude @ turned.as_matrix()
 
 
-def build_motion(
-    schedule: Schedule, site: Site, *, update_interval: float, dwell_step: float, turn_step: float
-) -> Motion:
-    """True increments of a perfect sensor along a schedule.
+@dataclass(frozen=True)
+class Steps:
+    """A schedule cut into steps, in each of which the table rests or turns at a constant rate.
+
+    Attributes
+    ----------
+    duration : ndarray, shape (steps,)
+        s.
+    attitude : ndarray, shape (steps, 3, 3)
+        Body-to-NED matrix at the start of each step.
+    rate : ndarray, shape (steps, 3)
+        Of the table, in body axes, rad/s.
+    to_body : ndarray, shape (steps, 3, 3)
+        Integral of the NED-to-body matrix over each step, s.
+    turn : ndarray of int, shape (steps,)
+        Number of the turn that a step is of; -1 at rest.
+    update_step : ndarray of int, shape (updates + 1,)
+        As of `Motion`.
+    """
+
+    duration: np.ndarray
+    attitude: np.ndarray
+    rate: np.ndarray
+    to_body: np.ndarray
+    turn: np.ndarray
+    update_step: np.ndarray
+
+
+def cut_into_steps(
+    schedule: Schedule, *, update_interval: float, dwell_step: float, turn_step: float
+) -> Steps:
+    """Cut a schedule into the steps of a simulation.
 
     Steps end at update times and where a turn begins or ends; between those a stretch is cut into
     the fewest equal steps no longer than `dwell_step` or `turn_step`.
@@ -155,13 +183,12 @@ def build_motion(
     Parameters
     ----------
     schedule : Schedule
-    site : Site
     update_interval, dwell_step, turn_step : float
         s.
 
     Returns
     -------
-    Motion
+    Steps
 
     Raises
     ------
@@ -169,8 +196,10 @@ def build_motion(
         If the schedule is not a whole number of update intervals long, or a turn does not fit.
     """
     steps_of_update = np.zeros(update_count(schedule, update_interval), dtype=np.int64)
-    durations, attitudes, rates = [], [], []
+    durations, attitudes, rates, turns = [], [], [], []
+    number = -1
     for segment in segments(schedule):
+        number += bool(segment.rate.any())
         longest = turn_step if segment.rate.any() else dwell_step
         edges = cut(segment, update_interval)
         length = np.diff(edges)
@@ -181,14 +210,50 @@ def build_motion(
         durations.append(step)
         attitudes.append(attitude_at(segment, np.repeat(edges[:-1], count) + within * step))
         rates.append(np.broadcast_to(segment.rate, (len(step), 3)))
-    duration, rate = np.concatenate(durations), np.concatenate(rates)
-    # the integral of the NED-to-body matrix over the step: J(-turn) transposes the start attitude
-    to_body = mean_rotation(-rate * duration[:, None]) @ np.concatenate(attitudes).mT
+        turns.append(np.full(len(step), number if segment.rate.any() else -1))
+    duration, rate, attitude = map(np.concatenate, (durations, rates, attitudes))
+    # J(-turn) transposes the start attitude
+    to_body = mean_rotation(-rate * duration[:, None]) @ attitude.mT
     to_body *= duration[:, None, None]
-    return Motion(
+    return Steps(
         duration=duration,
-        angle=rate * duration[:, None] + to_body @ earth.earth_rate_ned(site.latitude),
-        velocity=to_body @ -earth.gravity_ned(site.latitude, site.height),
+        attitude=attitude,
+        rate=rate,
+        to_body=to_body,
+        turn=np.concatenate(turns),
         update_step=np.concatenate([[0], np.cumsum(steps_of_update)]),
+    )
+
+
+def build_motion(
+    schedule: Schedule, site: Site, *, update_interval: float, dwell_step: float, turn_step: float
+) -> Motion:
+    """True increments of a perfect sensor along a schedule.
+
+    Parameters
+    ----------
+    schedule : Schedule
+    site : Site
+    update_interval, dwell_step, turn_step : float
+        As of `cut_into_steps`, s.
+
+    Returns
+    -------
+    Motion
+
+    Raises
+    ------
+    ValueError
+        If the schedule is not a whole number of update intervals long, or a turn does not fit.
+    """
+    steps = cut_into_steps(
+        schedule, update_interval=update_interval, dwell_step=dwell_step, turn_step=turn_step
+    )
+    turned = steps.rate * steps.duration[:, None]
+    return Motion(
+        duration=steps.duration,
+        angle=turned + steps.to_body @ earth.earth_rate_ned(site.latitude),
+        velocity=steps.to_body @ -earth.gravity_ned(site.latitude, site.height),
+        update_step=steps.update_step,
         initial_attitude=initial_attitude(schedule.initial_posture),
     )

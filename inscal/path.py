@@ -33,10 +33,10 @@ class Path:
         """Times of the steps' ends, s, shape (steps + 1,)."""
         return np.concatenate([[0.0], np.cumsum(self.steps.duration)])
 
-    @cached_property
-    def to_body(self) -> np.ndarray:
-        """Integral of the NED-to-body matrix over each step, s, shape (steps, 3, 3)."""
-        return self.steps.to_body
+    @property
+    def turns(self) -> int:
+        """Number of turns."""
+        return int(self.steps.turn.max()) + 1
 
     @cached_property
     def gravity(self) -> np.ndarray:
@@ -49,13 +49,6 @@ class Path:
         return earth.earth_rate_ned(self.site.latitude)
 
     @cached_property
-    def turn_of(self) -> np.ndarray:
-        """Number of the turn that a step is of, -1 at rest, shape (steps,)."""
-        turning = self.steps.rate.any(axis=1)
-        first = turning & np.diff(self.steps.segment, prepend=-1).astype(bool)
-        return np.where(turning, np.cumsum(first) - 1, -1)
-
-    @cached_property
     def end_attitude(self) -> np.ndarray:
         """Body-to-NED matrices at the end of each step, shape (steps, 3, 3)."""
         last = self.steps.attitude[-1:]  # the last position only dwells
@@ -64,7 +57,7 @@ class Path:
     @cached_property
     def rate_change(self) -> np.ndarray:
         """Change of the inertial rate over each step, jumps of a turn inside it, (steps, 3)."""
-        w, number = self.steps.rate, self.turn_of
+        w, number = self.steps.rate, self.steps.turn
         start = self.steps.attitude.mT @ self.earth_rate
         change = self.end_attitude.mT @ self.earth_rate - start
         change += w * (np.diff(number, prepend=-1) != 0)[:, None]
@@ -73,7 +66,7 @@ class Path:
 
     def mean_of(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Mean over every step of a function of the specific force, which takes (..., 3)."""
-        total = 0.0
+        total = np.zeros(1)
         force = self.steps.attitude.mT @ -self.gravity
         for node, weight in zip(_NODES, _WEIGHTS, strict=True):
             turned = self.steps.rate * (0.5 * (1.0 + node) * self.steps.duration)[:, None]
@@ -106,7 +99,7 @@ def attitude_effect(path: Path, psi: np.ndarray, gained: np.ndarray) -> np.ndarr
     """
     force = np.cross(psi, path.gravity)
     rate = -np.cross(psi, path.earth_rate)
-    b = path.to_body
+    b = path.steps.to_body
     return np.concatenate(
         [np.einsum("sij,sj->si", b, rate) + gained, np.einsum("sij,sj->si", b, force)], axis=1
     )
@@ -125,6 +118,6 @@ def turned_otherwise(path: Path, rate: np.ndarray) -> np.ndarray:
     -------
     ndarray, shape (steps, 6)
     """
-    gain = np.einsum("sji,sj->si", path.to_body, rate)
+    gain = np.einsum("sji,sj->si", path.steps.to_body, rate)
     psi = np.cumsum(gain, axis=0) - 0.5 * gain
     return attitude_effect(path, psi, rate * path.steps.duration[:, None])

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from inscal.disturbance import NOTHING, Disturbance
 from inscal.kernel import LANES, compiled, empty_aligned
 from inscal.motion import Motion
 from inscal.parameters import COUNT
@@ -63,11 +64,14 @@ class Truth:
     initial : InitialStd
         True spread of the initial attitude, velocity and position errors; its parameter part is
         not used.
+    disturbance : Disturbance
+        What is beyond the filter's model; its noise factors multiply `noise`.
     """
 
     parameters: TruthModel
     noise: NoiseModel
     initial: InitialStd
+    disturbance: Disturbance = NOTHING
 
 
 def generator(seed: int, run: int, purpose: str) -> np.random.Generator:

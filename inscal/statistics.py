@@ -14,12 +14,14 @@ Paired comparison of two campaigns is in `inscal.comparison_statistics`, the lab
   sec. 5.4: consistency of a filter.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy import special
+
+_NORMAL_RUNS = 60
+# Runs' worth of belief in normal errors: the fewest at which intervals of normal ones hold.
 
 
 class Estimate(NamedTuple):
@@ -126,20 +128,32 @@ def rmse(error: ArrayLike, confidence: float = 0.95) -> Bounded:
 
     Notes
     -----
-    The standard error of the mean square is estimated from the fourth moment (Morris et al.,
-    "MSE"), so the errors need be neither normal nor unbiased. The delta method takes it to log
-    RMSE, where the interval is symmetric: it cannot reach below zero.
+    The mean square is taken as chi-square over its degrees of freedom, 2 runs / (kurtosis - 1):
+    as many as there are runs if the errors are normal (Satterthwaite, 1946, Biometrics Bulletin
+    2:110-114). The kurtosis, about zero, is that of the errors drawn towards the 3 of normal ones,
+    as if the campaign had had so many more of those (Bonett, 2006, Computational Statistics & Data
+    Analysis 50:775-782, does so for a variance). So few runs, which do not know their kurtosis, get
+    the interval of normal errors, many the one of their own. 95 % cover, measured,
+
+    ======================  ====  ====  ====  ====  ====
+    errors; runs:              3    10    32   100   500
+    ======================  ====  ====  ====  ====  ====
+    of normal errors        94.9  95.1  94.7  94.9  95.0
+    with a bias of 3 sigma   100   100   100  99.8  98.3
+    uniform                 99.1  99.6  99.5  98.5  96.7
+    Student, 6 degrees      91.4  88.3  88.0  90.4  93.2
+    ======================  ====  ====  ====  ====  ====
     """
     values = checked_errors(error)
     value = np.sqrt(np.square(values).mean(axis=0))
-    factor = np.exp(_log_rmse_half_width(values, confidence))
-    return Bounded(value, value / factor, value * factor)
+    lower, upper = _relative_limits(values, confidence)
+    return Bounded(value, value * lower, value * upper)
 
 
 def rmse_half_width_relative(error: ArrayLike, confidence: float = 0.95) -> np.ndarray:
     """Half the width of the interval of `rmse`, as a fraction of the RMSE.
 
-    The precision of a campaign: for normal zero-mean errors close to 1.386 / sqrt(runs) at 95 %.
+    The precision of a campaign: for many normal errors close to 1.386 / sqrt(runs) at 95 %.
 
     Parameters
     ----------
@@ -152,7 +166,8 @@ def rmse_half_width_relative(error: ArrayLike, confidence: float = 0.95) -> np.n
     ndarray, shape (parameters,)
         NaN for a single run, so that no ``precision < target`` rule stops there.
     """
-    return np.sinh(_log_rmse_half_width(checked_errors(error), confidence))
+    lower, upper = _relative_limits(checked_errors(error), confidence)
+    return (upper - lower) / 2.0
 
 
 def abs_error_quantile(error: ArrayLike, level: float) -> np.ndarray:
@@ -350,45 +365,6 @@ def nees_interval(runs: int, dof: int, confidence: float = 0.95) -> tuple[float,
     return float(lower), float(upper)
 
 
-def autocorrelation(innovation: ArrayLike, lags: Sequence[int]) -> np.ndarray:
-    """Time-average autocorrelation of an innovation sequence by component (Bar-Shalom et al.).
-
-    Parameters
-    ----------
-    innovation : array_like, shape (updates, m)
-        Not all zero in any component. The mean is not taken out: innovations should have none.
-    lags : sequence of int
-        Each from 1 to updates - 1.
-
-    Returns
-    -------
-    ndarray, shape (lags, m)
-        Between -1 and 1; within `white_band` for 95 of 100 lags if the innovations are white.
-
-    Raises
-    ------
-    ValueError
-        If a lag is out of range.
-    """
-    values = checked_errors(innovation)
-    out = np.empty((len(lags), values.shape[1]))
-    for row, lag in enumerate(lags):
-        if not 1 <= lag < len(values):
-            raise ValueError(f"lag {lag} does not lie between 1 and {len(values) - 1}")
-        early, late = values[:-lag], values[lag:]
-        power = np.square(early).sum(axis=0) * np.square(late).sum(axis=0)
-        out[row] = (early * late).sum(axis=0) / np.sqrt(power)
-    return out
-
-
-def white_band(updates: int, confidence: float = 0.95) -> float:
-    """Half-width of the band of a white sequence's autocorrelation (Bar-Shalom et al.).
-
-    By normal approximation 1.96 / sqrt(updates) at 95 %, for lags far below `updates`.
-    """
-    return float(normal_quantile(confidence) / np.sqrt(updates))
-
-
 def _spread(values: np.ndarray) -> np.ndarray:
     # One run has no spread: NaN, said here rather than by a numpy warning.
     if len(values) == 1:
@@ -396,8 +372,15 @@ def _spread(values: np.ndarray) -> np.ndarray:
     return values.std(axis=0, ddof=1)
 
 
-def _log_rmse_half_width(values: np.ndarray, confidence: float) -> np.ndarray:
-    square = np.square(values)
-    mse_mcse = _spread(square) / np.sqrt(len(square))
-    z = normal_quantile(confidence)
-    return z * mse_mcse / (2.0 * square.mean(axis=0))
+def _relative_limits(values: np.ndarray, confidence: float) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of the interval of `rmse` over its value; NaN for a single run."""
+    runs, square = len(values), np.square(values)
+    if runs == 1:
+        nothing = np.full(values.shape[1], np.nan)
+        return nothing, nothing
+    found = np.square(square).mean(axis=0) / np.square(square.mean(axis=0))
+    # the mean of `found` is 3 runs / (runs + 2) if errors are normal
+    kurtosis = (3.0 * _NORMAL_RUNS + (runs + 2) * found) / (_NORMAL_RUNS + runs)
+    half = runs / (kurtosis - 1.0)  # of the degrees of freedom
+    low, high = (special.gammaincinv(half, tail) / half for tail in central_tails(confidence))
+    return 1.0 / np.sqrt(high), 1.0 / np.sqrt(low)

@@ -64,7 +64,7 @@ def summarize(campaign: xr.Dataset, bound: xr.DataArray) -> xr.Dataset:
         Scalars: runs_done, runs_failed; joint_share (_lower, _upper), of the runs done or failed,
         with every parameter within its bound, a failed run being within none; nees_mean, and
         nees_lower and nees_upper between which it lies if the filter is consistent; precision, the
-        worst relative half-width of the RMSE intervals.
+        worst relative half-width of the RMSE intervals, and least_precise, the parameter it is of.
 
         With one run done whatever needs a scatter is NaN; so is, of a parameter the filter does
         not model, whatever compares with its predicted standard deviation.
@@ -82,7 +82,7 @@ def summarize(campaign: xr.Dataset, bound: xr.DataArray) -> xr.Dataset:
     predicted = _predicted_std(done)
     limit = _bound_in_order(bound, done)
 
-    columns = _error_columns(error)
+    columns = _error_columns(error, done["parameter"].to_numpy())
     columns |= _prediction_columns(error, predicted)
     failed = int((campaign["status"] == FAILED).sum())
     columns |= _bound_columns(error, limit, failed)
@@ -202,9 +202,10 @@ def _check_same_truth(a: xr.Dataset, b: xr.Dataset) -> None:
         raise ValueError(f"run {run} has another truth in each campaign; they cannot be paired")
 
 
-def _error_columns(error: np.ndarray) -> dict[str, xr.Variable]:
+def _error_columns(error: np.ndarray, parameter: np.ndarray) -> dict[str, xr.Variable]:
     p95, p997 = (statistics.abs_error_quantile(error, level) for level in (0.95, 0.997))
-    precision = statistics.rmse_half_width_relative(error, CONFIDENCE).max()
+    half_width = statistics.rmse_half_width_relative(error, CONFIDENCE)
+    widest = int(np.argmax(half_width))
     return {
         **_with_mcse("bias", statistics.bias(error), "mean error", _PARAMETER_UNIT),
         **_with_mcse(
@@ -218,7 +219,8 @@ def _error_columns(error: np.ndarray) -> dict[str, xr.Variable]:
         ),
         "abs_error_p95": _variable(p95, "95 % quantile of |error|", _PARAMETER_UNIT),
         "abs_error_p997": _variable(p997, "99.7 % quantile of |error|", _PARAMETER_UNIT),
-        "precision": _variable(precision, "worst relative half-width of RMSE", "1"),
+        "precision": _variable(half_width[widest], "worst relative half-width of RMSE", "1"),
+        "least_precise": _variable(parameter[widest], "parameter it is of", ""),
     }
 
 

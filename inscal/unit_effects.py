@@ -14,8 +14,8 @@ body axes, B the integral of C^T over the step, g gravity and w_e the Earth's ra
 - **Gyros**: asymmetry 1/2 \|w_i\|; g-sensitivity, rate on axis i for force on axis j (IEEE Std
   1554, g-sensitive drift).
 - **Arms**: at a place r in the body the specific force is larger by dw/dt x r + w x (w x r), w the
-  inertial rate (Savage, Strapdown Analytics, 2000, sec. 8.1.4). The integral of dw/dt over a step is
-  the change of w, the jumps at both ends of a turn included, which fall into the turn.
+  inertial rate (Savage, Strapdown Analytics, 2000, sec. 8.1.4). The integral of dw/dt over a step
+  is the change of w, the jumps at both ends of a turn included, which fall into the turn.
 - **Site**: B times the change of -g and w_e. Latitude moves both; a deflection (xi, eta) tilts
   gravity by -g xi northwards and -g eta eastwards (Heiskanen and Moritz, Physical Geodesy, 1967,
   sec. 2-22).
@@ -30,7 +30,7 @@ body axes, B the integral of C^T over the step, g gravity and w_e the Earth's ra
 - **Observations**: bias of the velocity. They are of the table's centre, which rests: a delay of
   them changes nothing, wherever the unit sits.
 
-A rate of all turns that is off by percents is not linear enough; `inscal.turn_errors` has it.
+A rate of all turns that is off by percents is not linear enough: `inscal.disturbed.turn_at_rate`.
 """
 
 from collections.abc import Callable
@@ -145,9 +145,13 @@ def _of_two_forces(path: Path, pendulous: bool) -> np.ndarray:
     for i in range(3):
         for n, j in enumerate(_OTHERS[i]):
             first = j if pendulous else i
-            mean = path.mean_of(lambda f, first=first, j=j: f[:, first] * f[:, j])
+            mean = path.mean_of(_product(first, j))
             out[2 * i + n, :, 3 + i] = -mean * path.steps.duration
     return out
+
+
+def _product(i: int, j: int) -> Callable[[np.ndarray], np.ndarray]:
+    return lambda force: np.asarray(force[:, i] * force[:, j])
 
 
 def _gyro_asymmetry(path: Path) -> np.ndarray:
@@ -188,7 +192,7 @@ def _site(path: Path, gravity: np.ndarray, rate: np.ndarray) -> np.ndarray:
     """Effects of changes of gravity and Earth rate, each of shape (components, 3)."""
     return np.stack(
         [
-            np.concatenate([path.to_body @ w, path.to_body @ -g], axis=1)
+            np.concatenate([path.steps.to_body @ w, path.steps.to_body @ -g], axis=1)
             for g, w in zip(gravity, rate, strict=True)
         ]
     )
@@ -204,9 +208,7 @@ def _latitude(path: Path) -> np.ndarray:
     gravity = [earth.gravity_ned(side, height) for side in sides]
     rate = [earth.earth_rate_ned(side) for side in sides]
     unit = 0.5 / small
-    return _site(
-        path, (gravity[0] - gravity[1])[None] * unit, (rate[0] - rate[1])[None] * unit
-    )
+    return _site(path, (gravity[0] - gravity[1])[None] * unit, (rate[0] - rate[1])[None] * unit)
 
 
 def _deflection(path: Path) -> np.ndarray:
@@ -214,8 +216,8 @@ def _deflection(path: Path) -> np.ndarray:
 
 
 def _turn_angle(path: Path) -> np.ndarray:
-    number, out = path.turn_of, []
-    for turn in range(number.max() + 1):
+    number, out = path.steps.turn, []
+    for turn in range(path.turns):
         rate = path.steps.rate * (number == turn)[:, None]
         angle = np.linalg.norm(rate, axis=1) @ path.steps.duration
         # more of the angle in the turn's sense
@@ -235,14 +237,14 @@ def _table_axis(path: Path) -> np.ndarray:
 
 def _turn_rate(path: Path) -> np.ndarray:
     """To first order: a turn that ends in time but is faster lags by the time still to go."""
-    edges, number = path.edges, path.turn_of
+    edges, number = path.edges, path.steps.turn
     psi, gained = np.zeros((2, path.motion.steps, 3))
-    for turn in range(number.max() + 1):
+    for turn in range(path.turns):
         own = np.flatnonzero(number == turn)
         end = edges[own[-1] + 1]
         middle = 0.5 * (edges[own] + edges[own + 1])
         w = path.steps.rate[own]
-        mean = path.to_body[own].mT @ w[..., None] / path.steps.duration[own, None, None]
+        mean = path.steps.to_body[own].mT @ w[..., None] / path.steps.duration[own, None, None]
         psi[own] = -mean[..., 0] * (end - middle)[:, None]
         gained[own] = w * path.steps.duration[own, None]
         # all of the lag is there at once when a turn starts
@@ -252,7 +254,7 @@ def _turn_rate(path: Path) -> np.ndarray:
 
 def _base_tilt(path: Path) -> np.ndarray:
     level = trend(path.edges, 0.0) / path.steps.duration
-    gain = path.to_body / path.edges[-1]
+    gain = path.steps.to_body / path.edges[-1]
     return np.array(
         [attitude_effect(path, np.outer(level, np.eye(3)[m]), gain[:, :, m]) for m in range(2)]
     )
@@ -265,7 +267,7 @@ def _vibration(path: Path, frequency: float) -> np.ndarray:
     for n, integral in enumerate(integrals):
         mean = integral / (2.0 * np.pi * frequency * path.steps.duration)
         for m in range(3):
-            out[3 * n + m, :, 3:] = path.to_body[:, :, m] * mean[:, None]
+            out[3 * n + m, :, 3:] = path.steps.to_body[:, :, m] * mean[:, None]
     return out
 
 
@@ -283,9 +285,9 @@ def delay_series(path: Path) -> np.ndarray:
         factor /= n + 1
         # what a step loses at its end; the first gains of a rest before it
         lost = factor * end
-        out[n, :, 3:] = np.concatenate([factor * (start[:1] if n == 0 else 0 * start[:1]), lost])[
-            :-1
-        ] - lost
+        out[n, :, 3:] = (
+            np.concatenate([factor * (start[:1] if n == 0 else 0 * start[:1]), lost])[:-1] - lost
+        )
         # advanced: it gains the first of the next step and loses its own
         gained = factor * start
         after = factor * (end[-1:] if n == 0 else 0 * end[-1:])

@@ -21,6 +21,7 @@ MICRO_G = 1e-6 * STANDARD_GRAVITY
 
 PPM = 1e-6
 MILLIMETRE = 1e-3
+MILLIGAL = 1e-5
 NAUTICAL_MILE = 1852.0
 QUADRATIC_SI_FACE_VALUE = 1e-9
 """One 1e-9 s^2/m of accelerometer quadratic coefficient, read at SI face value."""

@@ -26,7 +26,17 @@ from pipeline.console.output import json_data, write_text
 from pipeline.console.progress import busy
 from pipeline.proof import report as consistency_report
 from pipeline.proof import statistics as numbers
-from pipeline.proof.repeat import FOLDER, REPORT, bounds_of, done_of, prior_differs, repeat_runs
+from pipeline.proof.power import measured
+from pipeline.proof.repeat import (
+    FOLDER,
+    REPORT,
+    bounds_of,
+    campaign_of,
+    correlation_of,
+    done_of,
+    prior_differs,
+    repeat_runs,
+)
 
 
 @stage
@@ -38,7 +48,10 @@ def main(config: Config) -> None:
     with busy("repeating runs for their innovations"):
         repeated = repeat_runs(done, made_with, experiment)
     positions = len(made_with.schedule.rotations) + 1
-    study = numbers.estimates(done, bounds_of(made_with, experiment)).assign_attrs(
+    bounds = bounds_of(made_with, experiment)
+    about = numbers.innovations(repeated, experiment, positions)
+    correlation, last = correlation_of(experiment), numbers.last_pass(about)
+    study = numbers.estimates(done, bounds).assign_attrs(
         campaign=Path(config.campaign.store).name,
         seed=made_with.campaign.seed,
         usual_seed=config.campaign.seed,
@@ -46,7 +59,9 @@ def main(config: Config) -> None:
         prior_differs=prior_differs(made_with, experiment),
         positions=positions,
         position_duration_s=made_with.schedule.position_duration_s,
-        innovations=numbers.innovations(repeated, experiment, positions),
+        looks=numbers.looks_at(done, bounds, correlation, last),
+        measured=measured(campaign_of(done, experiment)),
+        innovations=about,
     )
     text = as_json(study)
     write_text(FOLDER / "consistency.csv", table_text(study))

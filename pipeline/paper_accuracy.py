@@ -9,8 +9,8 @@ For example::
 
     python -m pipeline.paper_accuracy truth=paper campaign.store=results/runs/my-paper_truth
 
-Reads: truth schedule noise estimator campaign.runs campaign.seed campaign.store site simulation
-sensor bounds.
+Reads: truth schedule noise disturbance estimator campaign.runs campaign.seed campaign.store site
+simulation sensor bounds.
 """
 
 from pipeline.config.schema import Config

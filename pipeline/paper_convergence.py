@@ -10,7 +10,7 @@ For example::
 
     python -m pipeline.paper_convergence truth=paper estimator=one_pass campaign.runs=96
 
-Reads: truth schedule noise estimator campaign.runs campaign.seed site simulation sensor
+Reads: truth schedule noise disturbance estimator campaign.runs campaign.seed site simulation sensor
 bounds.
 """
 

@@ -8,7 +8,7 @@ For example::
 
     python -m pipeline.paper_laboratory estimator=laboratory laboratory.runs=64
 
-Reads: laboratory schedule noise estimator campaign.seed site simulation sensor bounds.
+Reads: laboratory schedule noise disturbance estimator campaign.seed site simulation sensor bounds.
 """
 
 from pipeline.paper import laboratory_report as report

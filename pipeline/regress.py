@@ -12,7 +12,8 @@ For example::
     python -m pipeline.regress
     python -m pipeline.regress "accept='the filter has a third pass'"
 
-Reads: accept schedule noise truth estimator campaign.seed site simulation sensor bounds.
+Reads: accept schedule noise disturbance truth estimator campaign.seed site simulation sensor
+bounds.
 """
 
 from pipeline.config.schema import Config

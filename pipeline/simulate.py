@@ -10,8 +10,8 @@ For example::
     python -m pipeline.simulate campaign.precision=0.03 campaign.runs=20000 campaign.store=results/x
     python -m pipeline.simulate only_run=17    # this run again, with its course over time
 
-Reads: schedule noise truth estimator cluster cluster.workers cluster.address campaign.runs
-campaign.precision campaign.seed campaign.batch campaign.store campaign.replace
+Reads: schedule noise disturbance truth estimator cluster cluster.workers cluster.address
+campaign.runs campaign.precision campaign.seed campaign.batch campaign.store campaign.replace
 campaign.max_failed_share only_run out site simulation sensor.
 """
 

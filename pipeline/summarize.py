@@ -10,6 +10,7 @@ For example::
 Reads: schedule noise campaign.store campaign.max_failed_share bounds.
 """
 
+import textwrap
 from collections import Counter
 from collections.abc import Mapping
 from typing import Any
@@ -20,8 +21,9 @@ from pipeline.campaign.judged import _FOLDER, as_json, summary_of, table_text
 from pipeline.campaign.store import refuse_failures
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
-from pipeline.console.output import write_text
+from pipeline.console.output import json_data, write_text
 from pipeline.console.terminal import new_table, show
+from pipeline.study.honesty import told
 from pipeline.words.markdown import number
 
 
@@ -47,14 +49,18 @@ def print_summary(summary: xr.Dataset) -> None:
         )
     done, failed = int(summary.runs_done), int(summary.runs_failed)
     show(f"{summary.attrs['campaign']}, {done + failed} runs", table)
+    sigma = f"filter's own sigma: {told(json_data(as_json(summary)))}"
+    sigma = "\n".join(textwrap.fill(line, 100) for line in sigma.splitlines())
     print(
         f"all within bounds at once: {100 * float(summary.joint_share):.1f} % "
         f"({100 * float(summary.joint_share_lower):.1f} - "
         f"{100 * float(summary.joint_share_upper):.1f} %) of {done + failed} runs\n"
         f"failed: {failed} runs ({100 * failed / (done + failed):.1f} %), which miss every bound\n"
         f"of the {done} runs that converged: NEES mean {number(float(summary.nees_mean))}, "
-        f"consistent if in {float(summary.nees_lower):.2f} ... {float(summary.nees_upper):.2f},\n"
-        f"RMSE known to {100 * float(summary.precision):.1f} %"
+        f"consistent if in {float(summary.nees_lower):.2f} ... {float(summary.nees_upper):.2f}\n"
+        f"{sigma}\n"
+        f"every RMSE known to {100 * float(summary.precision):.1f} % or better, that of "
+        f"{summary.least_precise.item()} worst"
     )
     for line in verdicts(summary.attrs):
         print(line)

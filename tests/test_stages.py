@@ -155,6 +155,7 @@ def test_summarize_writes_csv_and_json_and_nothing_else(cwd, campaigns):
     assert set(content) == {
         *("confidence", "campaign", "seed", "passes", "truth", "schedule", "noise"),
         *("quadratic_unit", "failed_runs", "runs_done", "runs_failed", "precision"),
+        "least_precise",
         *("passes_taken", "failures", "runs_contradicted"),
         *("joint_share", "joint_share_lower", "joint_share_upper"),
         *("nees_mean", "nees_lower", "nees_upper", "parameters"),

@@ -120,8 +120,13 @@ def _make_pending(config: Config, experiment: Experiment, target: zarr.Group) ->
             todo = pending[pending < limit]
             pending = pending[pending >= limit]
             _fan_out(config, shared, todo, target, workers, progress)
-            if wanted is not None and (precision := store.precision(target, limit)) < wanted:
-                progress.say(f"every RMSE is known to {100 * precision:.1f} %: enough")
+            if wanted is None:
+                continue
+            precision, least = store.precision(target, limit)
+            if precision < wanted:
+                progress.say(
+                    f"every RMSE is known to {100 * precision:.1f} %, that of {least} worst: enough"
+                )
                 break
 
 

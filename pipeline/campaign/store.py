@@ -197,12 +197,27 @@ def pending(store: zarr.Group) -> np.ndarray:
     return np.flatnonzero(_array(store, "status")[:] == NOT_RUN)
 
 
-def precision(store: zarr.Group, runs: int) -> float:
-    """Relative half-width of the 95 % interval of the least known RMSE, over the first `runs`."""
+def precision(store: zarr.Group, runs: int) -> tuple[float, str]:
+    """Relative half-width of the 95 % interval of the least known RMSE, and whose RMSE that is.
+
+    Parameters
+    ----------
+    store : zarr.Group
+    runs : int
+        The first of which are taken.
+
+    Returns
+    -------
+    precision : float
+        Infinite of fewer than two runs done.
+    parameter : str
+    """
     done = np.asarray(_array(store, "status")[:runs]) == DONE
     if done.sum() < 2:
-        return np.inf
-    return float(rmse_half_width_relative(np.asarray(_array(store, "error")[:runs])[done]).max())
+        return np.inf, NAMES[0]
+    width = rmse_half_width_relative(np.asarray(_array(store, "error")[:runs])[done])
+    widest = int(np.argmax(width))
+    return float(width[widest]), NAMES[widest]
 
 
 def write(store: zarr.Group, config: Config, results: "list[tuple[list[int], Batch]]") -> None:

@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from inscal.parameters import KIND_OF, KINDS, NAMES, members
+from inscal.parameters import COUNT, KIND_OF, KINDS, NAMES, members
 from pipeline.charts import density, style
-from pipeline.study import findings
+from pipeline.study import honesty
 from pipeline.study.campaign import Campaign
 
 _SPACING = 0.25  # rows between two campaigns drawn in one row
@@ -188,11 +188,12 @@ def predicted_against_empirical(campaigns: Mapping[int, Campaign]) -> Figure:
     for number, (passes, campaign) in enumerate(campaigns.items()):
         offset = _SPACING * (number - (len(campaigns) - 1) / 2)
         _draw_ratios(axes, campaign, offset, passes)
-    low, high = findings.RATIO_BAND
+    runs = min(campaign.summary["runs_done"] for campaign in campaigns.values())
+    low, high = honesty.ratio_limits(runs, COUNT)
     axes.axvspan(low, high, color="#999999", alpha=0.35, linewidth=0)
     axes.axvline(1.0, color=style.LIMIT_COLOR, linewidth=1)
     style.log_ticks(axes, (0.8, 0.9, 1, 1.2, 1.5, 2, 3, 4, 5, 7, 10, 20, 50, 100))
-    axes.set_xlabel(f"RMSE / sigma the filter claims (log scale); shaded: {low:.2f} to {high:.2f}")
+    axes.set_xlabel("RMSE / sigma the filter claims (log scale); shaded: not refuted")
     first = next(iter(campaigns.values()))
     noise = first.configuration["noise"]
     figure.suptitle(

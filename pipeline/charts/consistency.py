@@ -9,11 +9,12 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from inscal import statistics
-from inscal.innovations import InnovationStatistics
+from inscal.innovations import InnovationStatistics, white_band
 from inscal.parameters import NAMES
 from inscal.record import OBSERVED
 from pipeline.charts import style
-from pipeline.proof.statistics import CONFIDENCE, COVERING, LAGS, OBSERVATIONS, OUTSIDE_BAND
+from pipeline.proof.looks import OUTSIDE_BAND
+from pipeline.proof.statistics import CONFIDENCE, COVERING, LAGS, OBSERVATIONS
 from pipeline.words import markdown as md
 
 _LOWEST_CENTILE = 80.0  # of the zip plot: below, every interval covers
@@ -154,7 +155,7 @@ def _draw_nis(axes: Axes, nis: np.ndarray, about: dict[str, Any]) -> None:
 
 
 def _draw_correlation(axes: Axes, mean: np.ndarray, about: dict[str, Any]) -> None:
-    band = statistics.white_band(about["runs"] * about["updates"])
+    band = white_band(about["runs"] * about["updates"])
     axes.axhspan(-band, band, color=_BAND, alpha=0.5, linewidth=0, label="95 % of white noise")
     axes.axhline(0.0, color=style.LIMIT_COLOR, linewidth=0.8)
     for component, (name, color) in enumerate(zip(OBSERVATIONS, _COMPONENT_COLORS, strict=True)):
@@ -169,7 +170,7 @@ def _draw_shares(axes: Axes, about: dict[str, Any]) -> None:
         for row, stretch in enumerate(one["stretches"]):
             share = {k: 100 * v for k, v in stretch["share_beyond_band"].items()}
             height = row + 0.2 * (number - (len(about["passes"]) + 1) / 2)
-            label = f"pass {number}, {100 * CONFIDENCE:g} % interval"
+            label = f"pass {number}, {100 * CONFIDENCE:g} % interval (whole: its goal's)"
             axes.errorbar(
                 share["value"],
                 height,

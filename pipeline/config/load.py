@@ -22,7 +22,9 @@ from pipeline.config.schema import KIND_KEYS, Config
 from pipeline.console.errors import ConfigError
 from pipeline.console.help import CONF
 
-RUN_GROUPS = ("truth", "noise", "schedule", "site", "simulation", "estimator", "sensor")
+RUN_GROUPS = (
+    *("truth", "noise", "disturbance", "schedule", "site", "simulation", "estimator", "sensor"),
+)
 """Groups that decide the runs of a campaign, beside its seed; bounds and cluster do not."""
 
 VERSION_BASE = "1.3"

@@ -14,6 +14,8 @@ from typing import Any, NoReturn
 
 from inscal.directions import DIRECTIONS
 from inscal.parameters import GROUPS, members
+from pipeline.config.disturbance import KEYS as DISTURBANCES
+from pipeline.config.disturbance import NEEDED
 from pipeline.config.schema import KIND_KEYS, Config
 from pipeline.console.errors import ConfigError
 
@@ -60,6 +62,7 @@ def check(config: Config, further: Mapping[str, Rule] = MappingProxyType({})) ->
     _check_kinds("bounds", config.bounds, POSITIVE)
     _check_schedule(config)
     _check_passes(config)
+    _check_disturbance(config)
     _check_states(config.estimator.states)
     _check_cluster(config)
     if config.only_run is not None and config.only_run >= config.campaign.runs:
@@ -141,6 +144,8 @@ _RULES: dict[str, Rule] = {
     "noise.accel_white_noise_ug_per_sqrt_hz": FROM_0,
     "noise.velocity_observation_m_per_s": POSITIVE,
     "noise.position_observation_m": POSITIVE,
+    "disturbance.name": NAME,
+    **{f"disturbance.{key}": FROM_0 for key in DISTURBANCES},
     "schedule.name": NAME,
     "schedule.position_duration_s": POSITIVE,
     "schedule.turn_rate_deg_per_s": POSITIVE,
@@ -252,6 +257,15 @@ def _check_passes(config: Config) -> None:
     if most is not None and not fewest <= most <= _MOST_PASSES:
         allowed = f"null, or an integer from estimator.passes, which is {fewest}, to {_MOST_PASSES}"
         _fail("estimator.max_passes", most, allowed)
+
+
+def _check_disturbance(config: Config) -> None:
+    about = config.disturbance
+    for key, size in NEEDED.items():
+        value, needs = getattr(about, key), getattr(about, size)
+        if needs > 0.0 and value == 0.0:
+            allowed = f"above zero where disturbance.{size} is, which is {needs:g}"
+            _fail(f"disturbance.{key}", value, allowed)
 
 
 def _check_states(states: list[str]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 from omegaconf import MISSING
 
 from inscal.parameters import KINDS
+from pipeline.config.disturbance import Disturbance
 
 KIND_KEYS: dict[str, str] = {
     kind: f"{kind}_{about.unit.replace('/', '_per_').replace('-', '_')}"
@@ -247,7 +248,8 @@ class Config:
 
     Attributes
     ----------
-    truth, noise, schedule, site, simulation, estimator, sensor, campaign, cluster, bounds : object
+    truth, noise, disturbance, schedule, site, simulation, estimator, sensor, campaign, cluster, \
+bounds : object
         The groups of ``conf/``.
     only_run : int or None
         The one run to compute.
@@ -263,6 +265,7 @@ class Config:
 
     truth: Truth = field(default_factory=Truth)
     noise: Noise = field(default_factory=Noise)
+    disturbance: Disturbance = field(default_factory=Disturbance)
     schedule: Schedule = field(default_factory=Schedule)
     site: Site = field(default_factory=Site)
     simulation: Simulation = field(default_factory=Simulation)

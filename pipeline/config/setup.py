@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inscal import parameters, units
+from pipeline.config.disturbance import sizes_of
 from pipeline.config.schema import Config, KindValues
 from pipeline.console.errors import ConfigError
 from pipeline.console.progress import note
@@ -171,7 +172,7 @@ class Setup:
                 self.config.campaign.seed,
                 self.schedule,
                 self.site,
-                Truth(self.truth, self.noise, self.prior),
+                Truth(self.truth, self.noise, self.prior, sizes_of(self.config.disturbance)),
                 belief,
                 dwell_step=self.config.simulation.dwell_step_s,
                 turn_step=self.config.simulation.turn_step_s,

@@ -1,7 +1,7 @@
 """What the gate runs: the reference case, and those of ``conf/gate.yaml`` that leave no default.
 
 The reference case is what the command line configures. The others are whole in themselves: nothing
-but an edit of their file changes them.
+but an edit of their file changes them. What one does not say of disturbances is `none`.
 """
 
 from collections.abc import Iterator
@@ -19,6 +19,9 @@ from pipeline.console.help import CONF
 
 REFERENCE = "reference"
 """Name of the case that the command line configures."""
+
+UNDISTURBED = "none"
+"""Name of the disturbances of a case that is held to its filter's word."""
 
 RUNS = 128
 """Runs of the reference case; a multiple of the kernels' lanes."""
@@ -95,17 +98,24 @@ def cases(config: Config) -> Iterator[Case]:
 
 
 def _case(name: str, about: dict[str, Any], config: Config) -> Case:
+    about = {"disturbance": {}} | about
     missing = [key for key in ("why", "draws", *RUN_GROUPS) if key not in about]
     unknown = [key for key in about if key not in ("why", "draws", *RUN_GROUPS)]
     if missing or unknown:
         what = "lacks" if missing else "has the unknown key"
         raise ConfigError(f"{FILE.name}: case {name} {what} {', '.join(missing or unknown)}")
     own = {group: about[group] for group in RUN_GROUPS}
+    own["disturbance"] = _undisturbed() | own["disturbance"]
     try:
         full = typed(OmegaConf.create({**resolved(config), **own}), ())
     except ConfigError as error:
         raise ConfigError(f"{FILE.name}: case {name}: {error}") from None
     return Case(name, full, tuple(Draws(*draws) for draws in about["draws"]))
+
+
+@cache
+def _undisturbed() -> dict[str, Any]:
+    return yaml.safe_load((CONF / "disturbance" / "none.yaml").read_text())
 
 
 @cache

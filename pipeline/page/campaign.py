@@ -15,11 +15,11 @@ from pipeline.page import data as page_data
 from pipeline.page.charts import Rows, Spec
 from pipeline.page.data import Course
 from pipeline.page.parts import ENOUGH_TEXT, Picture, Section, kind_words, say
-from pipeline.study import findings
+from pipeline.study import findings, honesty
 from pipeline.study import observability as observe
 from pipeline.study.campaign import Campaign
 from pipeline.study.claims import Claims
-from pipeline.study.findings import ENOUGH, RATIO_BAND, Summary
+from pipeline.study.findings import ENOUGH, Summary
 
 _SMALL, _LARGE = 110, 150  # heights of histograms, in pixels
 _PLAIN = 1e4  # numbers from which on powers of ten are easier to read
@@ -59,20 +59,23 @@ def sigmas(campaigns: Sequence[Campaign]) -> Section:
     rows: list[dict[str, Any]] = []
     for campaign in campaigns:
         table = campaign.summary["parameters"]
-        for name, ratio in findings.ratios(campaign.summary).items():
+        for name, ratio in honesty.ratios(campaign.summary).items():
             lower, upper = map(page_data.rounded, findings.ratio_interval(table[name]))
             row = {"parameter": name, "campaign": campaign.name, "ratio": page_data.rounded(ratio)}
             rows.append(row | {"lower": lower, "upper": upper})
     outside = [
         {
             "name": campaign.name,
-            "outside": len(findings.dishonest_parameters(campaign.summary)),
+            "outside": len(honesty.refuted(campaign.summary)),
             "count": findings.degrees_of_freedom(campaign.summary),
         }
         for campaign in campaigns
     ]
-    sentence = say("ratios", band=RATIO_BAND, campaigns=outside)
-    spec = page_charts.ratios(rows, [campaign.name for campaign in campaigns])
+    summaries = [campaign.summary for campaign in campaigns]
+    fewest = min(summary["runs_done"] for summary in summaries)
+    band = honesty.ratio_limits(fewest, max(map(findings.degrees_of_freedom, summaries)))
+    sentence = say("ratios", band=band, fewest=fewest, campaigns=outside)
+    spec = page_charts.ratios(rows, [campaign.name for campaign in campaigns], band)
     return Section("sigma", pictures=[Picture(sentence, {"ratios": spec})])
 
 
@@ -82,17 +85,18 @@ def nees(campaigns: Sequence[Campaign]) -> Section:
     for number, campaign in enumerate(campaigns):
         summary, found = campaign.summary, page_data.nees_histogram(campaign)
         mean, dof = summary["nees_mean"], findings.degrees_of_freedom(summary)
+        lower, upper = honesty.nees_limits(summary["runs_done"], dof)
         mean_text = f"mean {mean:.2f}" if mean < _PLAIN else f"mean {mean:.2g}"
         below = f"; {found['beyond']} runs beyond {found['view']:g}" if found["beyond"] else ""
         charts[f"nees-{number}"] = page_charts.nees(found, campaign.name, mean_text + below)
         texts.append(
             {
                 "name": campaign.name,
-                "honesty": findings.honesty(summary),
+                "honesty": honesty.honesty(summary),
                 "mean": mean_text,
                 "right": dof,
-                "lower": summary["nees_lower"],
-                "upper": summary["nees_upper"],
+                "lower": lower,
+                "upper": upper,
             }
         )
     sentence = say("nees", campaigns=texts)

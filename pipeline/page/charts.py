@@ -11,7 +11,6 @@ import altair as alt
 import numpy as np
 
 from inscal.parameters import NAMES
-from pipeline.study.findings import RATIO_BAND
 
 Rows = Sequence[Mapping[str, Any]]
 Spec = dict[str, Any]
@@ -172,8 +171,8 @@ def course(rows: Rows, ticks: Sequence[float], linear: float, title: str, unit: 
     return _spec(_sized(band + line, 125, _title(title)))
 
 
-def ratios(rows: Rows, series: Sequence[str]) -> Spec:
-    """RMSE over predicted sigma, a row per parameter, with intervals."""
+def ratios(rows: Rows, series: Sequence[str], limits: tuple[float, float]) -> Spec:
+    """RMSE over predicted sigma, a row per parameter, with intervals and a band of limits."""
     color, shape = _series("campaign", series)
     x, y = _ratio("RMSE over predicted sigma"), _parameters(grid=True)
     offset = alt.YOffset("campaign:N", sort=list(series))
@@ -185,7 +184,7 @@ def ratios(rows: Rows, series: Sequence[str]) -> Spec:
         alt.Tooltip("lower:Q", format=".3f", title="95 % from"),
         alt.Tooltip("upper:Q", format=".3f", title="to"),
     ]
-    band = alt.Chart(_data([dict(zip(("low", "high"), RATIO_BAND, strict=True))]))
+    band = alt.Chart(_data([dict(zip(("low", "high"), limits, strict=True))]))
     several = {"yOffset": offset} if len(series) > 1 else {}
     layers = [
         band.mark_rect(color=BAND).encode(x="low:Q", x2="high:Q"),

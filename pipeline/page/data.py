@@ -96,7 +96,8 @@ def unfinished(campaign: Campaign) -> str:
     if values["made"] == campaign.asked:
         return ""
     if wanted is not None and summary["precision"] < wanted:
-        return say("precise_enough", precision=summary["precision"], **values)
+        values |= {"precision": summary["precision"], "least": summary["least_precise"]}
+        return say("precise_enough", **values)
     return f"{say('unfinished', **values)} {command(campaign.configuration, campaign.path)}"
 
 

@@ -5,7 +5,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from inscal import statistics
 from inscal.parameters import COUNT, KINDS, NAMES, members
 from pipeline.config.load import load
 from pipeline.config.schema import Config
@@ -16,9 +15,9 @@ from pipeline.page import charts as page_charts
 from pipeline.page.data import rounded
 from pipeline.page.parts import ENOUGH_TEXT, Cell, Picture, Section, Table, cells, kind_words, say
 from pipeline.page.verdict import look
+from pipeline.study import honesty
 from pipeline.study.campaign import Campaign
 from pipeline.study.claims import Claims
-from pipeline.study.findings import RATIO_BAND
 from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
 
 _QUANTILE = "abs_error_p997"
@@ -197,11 +196,13 @@ def accuracy_history(rows: Sequence[history.Row], campaign: Campaign, config: Co
     )
     states = [*rows, now]
     last = rows[-1]
-    band = statistics.nees_interval(last.runs, COUNT)
-    charts = {"history-nees": _states("mean NEES", states, None, band, float(COUNT))}
+    # numbers of a kind together stray no more than one of them alone
+    band = honesty.ratio_limits(last.runs, COUNT)
+    nees_band = honesty.nees_limits(last.runs, COUNT)
+    charts = {"history-nees": _states("mean NEES", states, None, nees_band, float(COUNT))}
     for kind in KINDS:
         if math.isfinite(now.ratio[kind]):
-            charts[f"history-{kind}"] = _states(kind_words(kind), states, kind, RATIO_BAND, 1.0)
+            charts[f"history-{kind}"] = _states(kind_words(kind), states, kind, band, 1.0)
     sentence = say("history", count=len(rows), now=now, last=last)
     table = Table(
         "Baselines and the state now",

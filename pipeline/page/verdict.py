@@ -1,23 +1,22 @@
 """Section `verdict` of the HTML page: the parameters of one campaign against their bounds.
 
-A bound is met, or not, if the whole 95 % interval of the share of runs within it says so.
+A bound is met, or not, if the whole 95 % interval of the share of runs within it says so; all of
+them at once likewise.
 """
 
 import math
 from collections import Counter
-from collections.abc import Mapping
-from typing import Any
 
 from inscal.parameters import NAMES
 from pipeline.page.data import units
 from pipeline.page.parts import BAD, ENOUGH_TEXT, GOOD, OPEN, Cell, Section, Table, say
-from pipeline.study import findings
+from pipeline.study import findings, honesty
 from pipeline.study.campaign import Campaign
-from pipeline.study.findings import ENOUGH, HONEST, RATIO_BAND, Summary
-from pipeline.study.verdict import MET, NOT_MET, UNDECIDED, share_word
+from pipeline.study.findings import Summary, bound_word
+from pipeline.study.honesty import HONEST, TOO_LARGE, TOO_SMALL
+from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
 from pipeline.words import markdown as md
 
-TOO_SMALL, TOO_LARGE = "too small", "too large"
 NOT_ESTIMATED = "not estimated"
 
 _LOOKS = {
@@ -31,25 +30,20 @@ def look(word: str) -> str:
     return next((_LOOKS[known] for known in _LOOKS if word.startswith(known)), "")
 
 
-def bound_verdict(row: Mapping[str, float]) -> str:
-    """Say whether a parameter keeps its bound in enough runs."""
-    return share_word(row["share_within_bound_lower"], row["share_within_bound_upper"], ENOUGH)
-
-
-def sigma_verdict(row: Mapping[str, float]) -> str:
+def sigma_verdict(summary: Summary, name: str) -> str:
     """Say whether the sigma that the filter claims for a parameter is its scatter."""
-    if not row["predicted_std"] > 0.0:
+    if not summary["parameters"][name]["predicted_std"] > 0.0:
         return NOT_ESTIMATED
-    (lower, upper), (low, high) = findings.ratio_interval(row), RATIO_BAND
-    return TOO_SMALL if lower > high else TOO_LARGE if upper < low else HONEST
+    return honesty.sigma_word(summary, name)
 
 
 def headline(summary: Summary) -> str:
     """Say in a sentence whether all bounds are met at once, of all runs made."""
-    made = summary["runs_done"] + summary["runs_failed"]
+    made, word = summary["runs_done"] + summary["runs_failed"], findings.bounds_word(summary)
     return say(
         "headline",
-        word=findings.bounds_word(summary),
+        word=word,
+        decided=word != UNDECIDED,
         count=len(summary["parameters"]),
         joint=findings.joint_text(summary),
         made=made,
@@ -78,13 +72,22 @@ def section(campaign: Campaign) -> Section:
     """
     summary = campaign.summary
     rows = summary["parameters"]
-    words = Counter(bound_verdict(row) for row in rows.values())
+    words = Counter(bound_word(row) for row in rows.values())
+    runs, modelled = summary["runs_done"], findings.degrees_of_freedom(summary)
     counts = ", ".join(f"{words[word]} {word}" for word in (MET, NOT_MET, UNDECIDED))
     return Section(
         "verdict",
         lines=(
             say("one_by_one", count=len(rows), counts=counts, enough=ENOUGH_TEXT),
-            say("sigma_honest", band=RATIO_BAND),
+            say(
+                "sigma_honest",
+                limits=honesty.ratio_limits(runs, modelled),
+                sight=honesty.sight(runs, modelled),
+                level=honesty.LEVEL,
+                power=honesty.POWER,
+                blind=honesty.BLIND,
+                runs=runs,
+            ),
         ),
         tables=(
             Table(
@@ -95,7 +98,7 @@ def section(campaign: Campaign) -> Section:
                     "sigma honest?",
                 ),
                 [
-                    _row(name, unit, rows[name])
+                    _row(summary, name, unit)
                     for name, unit in zip(NAMES, units(campaign), strict=True)
                 ],
                 2,
@@ -105,7 +108,8 @@ def section(campaign: Campaign) -> Section:
     )
 
 
-def _row(name: str, unit: str, row: Mapping[str, Any]) -> list[Cell]:
+def _row(summary: Summary, name: str, unit: str) -> list[Cell]:
+    row = summary["parameters"][name]
     ratio, share = row["rmse_over_predicted"], row["share_within_bound"]
     if math.isfinite(ratio):
         low, high = findings.ratio_interval(row)
@@ -113,7 +117,7 @@ def _row(name: str, unit: str, row: Mapping[str, Any]) -> list[Cell]:
     else:
         ratio_cell = Cell("–", -1.0)
     within = md.share(share, row["share_within_bound_lower"], row["share_within_bound_upper"])
-    bound, sigma = bound_verdict(row), sigma_verdict(row)
+    bound, sigma = bound_word(row), sigma_verdict(summary, name)
     return [
         Cell(name, parameter=name),
         Cell(unit),

@@ -3,28 +3,21 @@
 A study is a plain dict, as read from ``results/consistency/consistency.json``.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from inscal.record import OBSERVED
+from inscal import chance
+from inscal.parameters import COUNT
 from inscal.statistics import nominal_coverage
-from pipeline.proof.statistics import CONFIDENCE, OUTSIDE_BAND
-from pipeline.study.verdict import Verdict, judged
+from pipeline.proof.looks import OUTSIDE_BAND, Innovations, at_innovations, level, missed
+from pipeline.study.honesty import BLIND, POWER
+from pipeline.study.verdict import MET, NOT_MET, UNDECIDED, Verdict, judged
 from pipeline.words import markdown as md
 
 Study = Mapping[str, Any]
 
-NEES_TOLERANCE = 0.6
-"""Goal for the mean NEES, about the number of parameters."""
-
-LARGEST_DEVIATION = 3.0
-"""Goal for bias and error of the predicted sigma: at most so many Monte Carlo standard errors."""
-
 SAME_COVARIANCE = 1e-6
 """Goal for the filter's covariance against the bound, in sigmas."""
-
-PERCENT = f"{100 * CONFIDENCE:g} %"
-"""Confidence of the intervals of NEES, NIS and shares, as text."""
 
 
 def checks(study: Study) -> list[Verdict]:
@@ -37,13 +30,15 @@ def checks(study: Study) -> list[Verdict]:
     Returns
     -------
     list of Verdict
+        What chance could not have shown is not met. What is not refuted is met if the runs are
+        enough to see an error, and else cannot be judged.
     """
     passes = study["innovations"]["passes"]
     return [
+        judged("no run failed", f"{study['runs_failed']} failed", study["runs_failed"] == 0),
         *_estimate_checks(study),
-        *_coverage_checks(study),
         *_bound_checks(study),
-        *_innovation_checks(len(passes), passes[-1]),
+        *_innovation_checks(study, len(passes)),
     ]
 
 
@@ -58,89 +53,105 @@ def earlier_checks(study: Study) -> list[Verdict]:
     -------
     list of Verdict
     """
-    earlier = study["innovations"]["passes"][:-1]
-    return [c for n, one in enumerate(earlier, start=1) for c in _innovation_checks(n, one)]
+    passes = len(study["innovations"]["passes"])
+    return [c for number in range(1, passes) for c in _innovation_checks(study, number)]
+
+
+def one_seen(study: Study) -> float:
+    """Smallest lack of one sigma that the runs show in `POWER` of campaigns."""
+    return chance.smallest_seen(study["runs_done"], level("rmse_over_bound"), POWER)
+
+
+def all_seen(study: Study) -> float:
+    """Smallest lack of all sigmas alike that the runs show in `POWER` of campaigns."""
+    return chance.smallest_seen(study["runs_done"] * COUNT, level("nees"), POWER)
+
+
+def _by_chance(study: Study, contradicted: bool, claim: str, found: str) -> Verdict:
+    """Judge what chance can show: refuted, not refuted, or not to be judged by so few runs."""
+    seen = one_seen(study) <= BLIND
+    return Verdict(claim, found, NOT_MET if contradicted else MET if seen else UNDECIDED)
+
+
+def _look(study: Study, goal: str, claim: str, found: str) -> Verdict:
+    look = study["looks"][goal]
+    where = f" ({md.code(look['where'])})" if look["where"] else ""
+    smallest = "smallest p" if look["where"] else "p"
+    text = f"{found}; {smallest} {look['p']:.2g}{where}"
+    return _by_chance(study, look["p"] < look["level"], claim, text)
 
 
 def _estimate_checks(study: Study) -> list[Verdict]:
-    table, mean = study["parameters"], study["nees_mean"]
-    count = len(table)
-    bias = _largest(table, bias_deviation)
-    sigma = _largest(table, sigma_deviation)
+    table = study["parameters"]
+    bias = max(bias_deviation(row) for row in table.values())
+    errors = [row["model_error_percent"] for row in table.values()]
     return [
-        judged("no run failed", f"{study['runs_failed']} failed", study["runs_failed"] == 0),
-        judged(
-            f"mean NEES {count} ± {NEES_TOLERANCE:g}",
-            f"{mean:.2f}",
-            abs(mean - count) <= NEES_TOLERANCE,
+        _look(
+            study,
+            "nees",
+            f"mean NEES is {len(table)}",
+            f"{study['nees_mean']:.2f}, not refuted from {study['nees_lower']:.2f} to "
+            f"{study['nees_upper']:.2f}",
         ),
-        judged(
-            f"mean NEES inside its {PERCENT} interval",
-            f"{mean:.2f} in {study['nees_lower']:.2f} to {study['nees_upper']:.2f}",
-            study["nees_lower"] <= mean <= study["nees_upper"],
+        _look(study, "nees_distribution", "NEES is distributed as chi-square", "by all runs"),
+        _look(study, "bias", "no parameter has a bias", f"largest {bias:.2f} standard errors"),
+        _look(study, "bias_together", "nor have all together", "by the claimed covariance"),
+        _look(
+            study,
+            "sigma",
+            "every predicted sigma is the scatter",
+            f"off by {min(errors):+.1f} to {max(errors):+.1f} %",
         ),
-        judged(
-            f"no bias above {LARGEST_DEVIATION:g} standard errors",
-            f"largest {bias[1]:.2f} ({md.code(bias[0])})",
-            bias[1] <= LARGEST_DEVIATION,
-        ),
-        judged(
-            f"no predicted sigma off by more than {LARGEST_DEVIATION:g} standard errors",
-            f"largest {sigma[1]:.2f} ({md.code(sigma[0])})",
-            sigma[1] <= LARGEST_DEVIATION,
-        ),
+        *(_coverage_check(study, count) for count in (1, 2, 3)),
     ]
 
 
-def _coverage_checks(study: Study) -> list[Verdict]:
-    table = study["parameters"]
-    result = []
-    for count in (1, 2, 3):
-        name, nominal = f"coverage_{count}_sigma", nominal_coverage(count)
-        outside = outside_of(table, name, nominal, "_all")
-        shares = [row[name] for row in table.values()]
-        result.append(
-            judged(
-                f"{count} sigma covers {md.percent(nominal)} of runs, by intervals for all at once",
-                f"{md.percent(min(shares))} to {md.percent(max(shares))}, "
-                f"{len(outside)} outside{md.named(outside)}",
-                not outside,
-            )
-        )
-    return result
+def _coverage_check(study: Study, count: int) -> Verdict:
+    goal = f"coverage_{count}_sigma"
+    shares = [row[goal] for row in study["parameters"].values()]
+    return _look(
+        study,
+        goal,
+        f"{count} sigma covers {md.percent(nominal_coverage(count))} of runs",
+        f"{md.percent(min(shares))} to {md.percent(max(shares))}",
+    )
 
 
 def _bound_checks(study: Study) -> list[Verdict]:
-    table = study["parameters"]
-    outside = outside_of(table, "rmse_over_bound", 1.0, "_all")
-    ratios = [row["rmse_over_bound"] for row in table.values()]
+    values = [row["rmse_over_bound"] for row in study["parameters"].values()]
     return [
         judged(
             f"filter's covariance is the Cramér-Rao bound to {SAME_COVARIANCE:g} sigma",
             f"{study['filter_difference']:.1g}",
             study["filter_difference"] <= SAME_COVARIANCE,
         ),
-        judged(
-            "RMSE is at the Cramér-Rao bound, by intervals for all at once",
-            f"{min(ratios):.3f} to {max(ratios):.3f}, {len(outside)} outside{md.named(outside)}",
-            not outside,
+        _look(
+            study,
+            "rmse_over_bound",
+            "RMSE is at the Cramér-Rao bound",
+            f"{min(values):.3f} to {max(values):.3f} of it",
         ),
     ]
 
 
-def _innovation_checks(number: int, one: Study) -> list[Verdict]:
-    nis, share = one["stretches"][0]["nis"], one["stretches"][0]["share_beyond_band"]
+def _innovation_checks(study: Study, number: int) -> list[Verdict]:
+    one = study["innovations"]["passes"][number - 1]
+    whole, p = one["stretches"][0], at_innovations(Innovations(**one["looks"]))
+    nis, share = whole["nis"], whole["share_beyond_band"]
     return [
-        judged(
-            f"pass {number}: mean NIS inside its {PERCENT} interval about {OBSERVED}",
-            f"{nis['mean']:.4f} in {nis['lower']:.4f} to {nis['upper']:.4f}",
-            nis_consistent(nis),
+        _by_chance(
+            study,
+            missed("nis", p["nis"]),
+            f"pass {number}: mean NIS is {nis['expected_least']:.4f}",
+            f"{nis['mean']:.4f}, not refuted from {nis['lower']:.4f} to {nis['upper']:.4f}; "
+            f"p {p['nis']:.2g}",
         ),
-        judged(
+        _by_chance(
+            study,
+            missed("white", p["white"]),
             f"pass {number}: white innovations, {md.percent(OUTSIDE_BAND)} of autocorrelations "
             "beyond their band",
-            share_text(share),
-            white(share),
+            f"{share_text(share)}; p {p['white']:.2g}",
         ),
     ]
 
@@ -155,12 +166,7 @@ def sigma_deviation(row: Mapping[str, float]) -> float:
     return abs(row["model_error_percent"] / row["model_error_percent_mcse"])
 
 
-def _largest(table: Study, deviation: Callable[[Any], float]) -> tuple[str, float]:
-    name = max(table, key=lambda key: deviation(table[key]))
-    return name, deviation(table[name])
-
-
-def outside_of(table: Study, name: str, expected: float, suffix: str) -> list[str]:
+def outside_of(table: Study, name: str, expected: float, suffix: str = "") -> list[str]:
     """Parameters whose interval, of that suffix, does not contain what is expected."""
     return [
         key

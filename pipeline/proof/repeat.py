@@ -1,4 +1,4 @@
-"""What the consistency study needs of a campaign: its runs, bounds, and some of them once more."""
+"""What the consistency study needs of a campaign: its runs, bounds, and some runs once more."""
 
 from pathlib import Path
 
@@ -7,13 +7,16 @@ import xarray as xr
 
 from inscal.experiment import Experiment
 from inscal.information import parameter_information
-from inscal.innovations import InnovationStatistics, innovation_statistics
+from inscal.innovations import InnovationStatistics, innovation_statistics, units_told
 from inscal.parameters import NAMES
+from inscal.record import OBSERVED
 from pipeline.campaign import store
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError
 from pipeline.proof import statistics as numbers
+from pipeline.proof.looks import Innovations
+from pipeline.proof.power import Campaign
 from pipeline.proof.statistics import LAGS, Bounds
 
 FOLDER = Path("results/consistency")
@@ -91,6 +94,21 @@ def repeat_runs(done: xr.Dataset, config: Config, experiment: Experiment) -> Inn
     if not (difference < _SAME_ESTIMATE).all():
         raise DataError("campaign.store: not what this version makes; run pipeline.simulate again")
     return result
+
+
+def campaign_of(done: xr.Dataset, experiment: Experiment) -> Campaign:
+    """Size of a campaign, and what is expected of the innovations of its repeated runs."""
+    runs, updates = done.sizes["run"], experiment.motion.updates
+    repeated, last = min(runs, _SAMPLE), experiment.estimator.passes - 1
+    dof = repeated * (OBSERVED * updates - units_told(experiment.estimator, last))
+    expected = Innovations(dof, dof, 0, repeated * OBSERVED * len(LAGS))
+    return Campaign(correlation_of(experiment), runs, expected)
+
+
+def correlation_of(experiment: Experiment) -> np.ndarray:
+    """Correlation that the filter claims of its errors, shape (27, 27)."""
+    sigma = experiment.estimator.predicted_std
+    return experiment.estimator.parameter_covariance / np.outer(sigma, sigma)
 
 
 def prior_differs(config: Config, experiment: Experiment) -> list[str]:

@@ -8,30 +8,30 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
-from scipy import stats
 
-from inscal import statistics
+from inscal import chance, statistics
 from inscal.experiment import Experiment
-from inscal.innovations import InnovationStatistics, share_beyond_band
+from inscal.innovations import (
+    InnovationStatistics,
+    share_beyond_band,
+    units_told,
+    white_band,
+)
 from inscal.parameters import COUNT
 from inscal.record import OBSERVED
 from inscal.statistics import Bounded, Estimate
 from pipeline.console.errors import DataError
+from pipeline.proof import looks
+from pipeline.proof.looks import OUTSIDE_BAND, Innovations
 
 LAGS = range(1, 21)
 """Lags of the autocorrelations, in updates."""
 
 CONFIDENCE = 0.99
-"""Of the intervals of NEES, NIS and shares, each judged once or a few times."""
+"""Of the intervals of innovations that are shown and no goal."""
 
-ALL_AT_ONCE = 1.0 - 0.05 / COUNT
-"""Confidence of each of 27 intervals that together hold in 95 of 100 campaigns (Bonferroni)."""
-
-COVERING = float(stats.norm.ppf(0.975))
+COVERING = statistics.normal_quantile(0.95)
 """Half the width of a 95 % interval, in sigmas."""
-
-OUTSIDE_BAND = 0.05
-"""Share of a white sequence's autocorrelations outside their band."""
 
 OBSERVATIONS = [f"velocity {axis}" for axis in "NED"] + [f"position {axis}" for axis in "NEh"]
 """Components of an innovation: North, East, Down, height."""
@@ -72,7 +72,8 @@ def estimates(done: xr.Dataset, bounds: Bounds) -> xr.Dataset:
     -------
     xarray.Dataset
         As of `inscal.summary.summarize`; _mcse is a Monte Carlo standard error, _lower and _upper
-        are 95 % intervals, _lower_all and _upper_all intervals for all parameters at once.
+        are exact 95 % intervals, _lower_all and _upper_all those that goals are judged by, of
+        `pipeline.proof.looks.level`.
     """
     error = done["error"].transpose("run", "parameter").to_numpy()
     sigma = done["predicted_std"].to_numpy()
@@ -99,25 +100,56 @@ def estimates(done: xr.Dataset, bounds: Bounds) -> xr.Dataset:
         "bayesian_bound": _variable(bounds.bayesian, _PAPER_UNIT),
         "classical_bound": _variable(bounds.classical, _PAPER_UNIT),
     }
-    for confidence, suffix in ((0.95, ""), (ALL_AT_ONCE, "_all")):
-        ratio = Bounded(*(s / bounds.bayesian for s in statistics.rmse(error, confidence)))
+    for suffix in ("", "_all"):
+        confidence = 1.0 - looks.level("rmse_over_bound") if suffix else 0.95
+        ratio = Bounded(*(s / bounds.bayesian for s in chance.rmse_of_normal(error, confidence)))
         columns |= _with_interval("rmse_over_bound", ratio, suffix)
         for count in (1, 2, 3):
-            share = statistics.share_within(error, count * sigma, confidence)
-            columns |= _with_interval(f"coverage_{count}_sigma", share, suffix)
+            name = f"coverage_{count}_sigma"
+            confidence = 1.0 - looks.level(name) if suffix else 0.95
+            inside = (np.abs(error) <= count * sigma).sum(axis=0)
+            share = chance.clopper_pearson(inside, len(error), confidence)
+            columns |= _with_interval(name, share, suffix)
     nees = done["nees"].to_numpy()
-    lower, upper = statistics.nees_interval(len(nees), COUNT, CONFIDENCE)
+    lower, upper = statistics.nees_interval(len(nees), COUNT, 1.0 - looks.level("nees"))
     scalars = {
         "runs_done": len(nees),
         "runs_failed": done.attrs["failed"],
         "nees_mean": nees.mean(),
         "nees_lower": lower,
         "nees_upper": upper,
-        "nees_distribution_p": stats.kstest(nees, stats.chi2(COUNT).cdf).pvalue,
+        "nees_distribution_p": chance.distribution_p(nees, COUNT),
         "filter_difference": bounds.filter_difference,
     }
     columns |= {name: _variable(value, "1") for name, value in scalars.items()}
     return xr.Dataset(columns, coords={name: done[name] for name in ("parameter", "unit")})
+
+
+def looks_at(
+    done: xr.Dataset, bounds: Bounds, correlation: np.ndarray, found: Innovations
+) -> dict[str, dict[str, Any]]:
+    """Look at all that chance can make miss its goal.
+
+    Parameters
+    ----------
+    done : xarray.Dataset
+        Runs done, all parameters modelled.
+    bounds : Bounds
+    correlation : ndarray, shape (27, 27)
+        That the filter claims of its errors.
+    found : Innovations
+        Of the last pass.
+
+    Returns
+    -------
+    dict
+        By goal, as of `pipeline.proof.looks.smallest`.
+    """
+    sigma = done["predicted_std"].to_numpy()
+    error = done["error"].transpose("run", "parameter").to_numpy() / sigma
+    nees = done["nees"].to_numpy()
+    at_estimates = looks.at_estimates(error, nees, bounds.bayesian / sigma, correlation)
+    return looks.smallest(at_estimates | looks.at_innovations(found))
 
 
 def stretches_of(positions: int, updates: int) -> list[range]:
@@ -152,13 +184,13 @@ def innovations(
     -------
     dict
         Of the sample: runs, updates, NEES of the estimates and of those after the first pass
-        alone; and ``passes``, each with NIS by position, autocorrelations averaged over runs, and
-        ``stretches`` of the record, the whole of it first.
+        alone; and ``passes``, each with NIS by position, autocorrelations averaged over runs,
+        ``stretches`` of the record, the whole of it first, and ``looks`` at the whole.
     """
     passes, updates, runs = repeated.nis.shape
     covariance = experiment.estimator.parameter_covariance
     first, final = (
-        _mean_in_interval(statistics.nees(estimate - repeated.truth, covariance), COUNT)
+        _mean_nees(statistics.nees(estimate - repeated.truth, covariance))
         for estimate in (repeated.first_estimate, repeated.estimate)
     )
     return {
@@ -168,10 +200,20 @@ def innovations(
         "first_pass_nees": first,
         "nees": final,
         "passes": [
-            _pass(repeated.nis[number], repeated.autocorrelation[number], positions)
+            _pass(
+                repeated.nis[number],
+                repeated.autocorrelation[number],
+                positions,
+                units_told(experiment.estimator, number),
+            )
             for number in range(passes)
         ],
     }
+
+
+def last_pass(about: dict[str, Any]) -> Innovations:
+    """What goals look at, of the dict that `innovations` makes."""
+    return Innovations(**about["passes"][-1]["looks"])
 
 
 def _observation_noise(experiment: Experiment) -> float:
@@ -182,35 +224,75 @@ def _observation_noise(experiment: Experiment) -> float:
     return float(np.median(noise**2 / variance))
 
 
-def _pass(nis: np.ndarray, correlation: np.ndarray, positions: int) -> dict[str, Any]:
-    updates = len(nis)
+def _pass(nis: np.ndarray, correlation: np.ndarray, positions: int, told: float) -> dict[str, Any]:
+    updates, runs = nis.shape
     parts = [updates_of(range(p, p + 1), positions, updates) for p in range(positions)]
+    share = share_beyond_band(correlation[0], updates, LAGS, band=1.0 - OUTSIDE_BAND)
+    whole = Innovations(
+        nis_total=float(nis.sum()),
+        nis_dof=runs * (OBSERVED * updates - told),
+        beyond=round(float(share.value) * correlation[0].size),
+        correlations=correlation[0].size,
+    )
     return {
+        "units_told": told,
+        "looks": whole._asdict(),
         "nis_by_position": [float(nis[part].mean()) for part in parts],
         "pooled": _pooled(correlation[0].mean(axis=-1), nis.size),
         "stretches": [
-            _stretch(s, nis[updates_of(s, positions, updates)], correlation[place])
+            _stretch(s, nis[updates_of(s, positions, updates)], correlation[place], told, place)
             for place, s in enumerate(stretches_of(positions, updates))
         ],
     }
 
 
-def _stretch(positions: range, nis: np.ndarray, correlation: np.ndarray) -> dict[str, Any]:
+def _stretch(
+    positions: range, nis: np.ndarray, correlation: np.ndarray, told: float, place: int
+) -> dict[str, Any]:
+    """Judge a stretch of the record, the whole of it first: by goals' levels, others by one."""
+    by_nis, by_share = (
+        CONFIDENCE if place else 1.0 - looks.level(goal) for goal in ("nis", "white")
+    )
     share = share_beyond_band(
-        correlation, len(nis), LAGS, band=1.0 - OUTSIDE_BAND, confidence=CONFIDENCE
+        correlation, len(nis), LAGS, band=1.0 - OUTSIDE_BAND, confidence=by_share
     )
     return {
         "first_position": positions.start + 1,
         "last_position": positions.stop,
-        "nis": _mean_in_interval(nis, OBSERVED),
+        "nis": _mean_nis(nis, told, by_nis, whole=place == 0),
         "share_beyond_band": {k: float(v) for k, v in share._asdict().items()},
     }
+
+
+def _mean_nis(nis: np.ndarray, told: float, confidence: float, *, whole: bool) -> dict[str, float]:
+    """Mean NIS and the interval about what is expected of it.
+
+    Of a part of the record only limits of that are known: none of the units told, or all of them,
+    are missing there.
+    """
+    updates, runs = nis.shape
+    least = max(OBSERVED * updates - told, 1.0)
+    most = least if whole else float(OBSERVED * updates)
+    lower, _ = chance.chi_square_limits(runs * least, confidence)
+    _, upper = chance.chi_square_limits(runs * most, confidence)
+    return {
+        "mean": float(nis.mean()),
+        "expected_least": least / updates,
+        "expected_most": most / updates,
+        "lower": float(lower) * least / updates,
+        "upper": float(upper) * most / updates,
+    }
+
+
+def _mean_nees(values: np.ndarray) -> dict[str, float]:
+    lower, upper = statistics.nees_interval(values.size, COUNT, CONFIDENCE)
+    return {"mean": float(values.mean()), "lower": lower, "upper": upper}
 
 
 def _pooled(mean: np.ndarray, values: int) -> dict[str, Any]:
     """Autocorrelations (lags, 6) averaged over runs, `values` being what each is an average of."""
     lag, component = np.unravel_index(np.abs(mean).argmax(), mean.shape)
-    band = statistics.white_band(values, 1.0 - OUTSIDE_BAND)
+    band = white_band(values, 1.0 - OUTSIDE_BAND)
     return {
         "band": band,
         "count": mean.size,
@@ -219,11 +301,6 @@ def _pooled(mean: np.ndarray, values: int) -> dict[str, Any]:
         "largest_lag": LAGS[lag],
         "largest_observation": OBSERVATIONS[component],
     }
-
-
-def _mean_in_interval(values: np.ndarray, dof: int) -> dict[str, float]:
-    lower, upper = statistics.nees_interval(values.size, dof, CONFIDENCE)
-    return {"mean": float(values.mean()), "lower": lower, "upper": upper}
 
 
 def updates_of(positions: range, count: int, updates: int) -> slice:

@@ -4,7 +4,6 @@ A summary or comparison is a plain dict, as `pipeline.campaign.judged.as_json` w
 here knows a result: every verdict is a threshold applied to the numbers handed in.
 """
 
-import math
 import statistics
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,31 +13,22 @@ from typing import Any
 from pipeline.campaign import store
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
+from pipeline.study import honesty
+from pipeline.study.honesty import Summary, ratios
 from pipeline.study.names import CAMPAIGNS, COMPARISONS, MAIN, PAPER_TRUTH, RUNS
-from pipeline.study.verdict import MET, NOT_MET, Verdict, judged
+from pipeline.study.verdict import MET, Verdict, share, share_word
 from pipeline.words import markdown as md
 from pipeline.words.render import sentence
 
 TEMPLATES = Path(__file__).parent / "templates"
 """Folder of the texts on the study."""
 
-RATIO_BAND = (0.93, 1.10)
-"""RMSE over predicted standard deviation of a parameter whose sigma is honest."""
-
 ENOUGH = 0.99
 """Share of runs from which on a bound counts as met."""
 
-HONEST = "honest"
-"""Word for a filter whose sigma is the scatter of its errors."""
-
 _SUMMARY_FOLDER = Path("results/summary")
 _COMPARISON_FOLDER = Path("results/comparison")
-_RATIO_CEILING = 1.25
-_RATIO_EXCEPTIONS = 2  # parameters that may leave the band
-_NEES_BAND = (26.0, 28.5)
 _SAME_TIME_PERCENT = 0.1  # a smaller difference is rounding of the position time
-
-Summary = Mapping[str, Any]
 
 
 @dataclass(frozen=True)
@@ -141,47 +131,15 @@ def collect() -> Results:
     )
 
 
-def ratios(summary: Summary) -> dict[str, float]:
-    """RMSE over predicted standard deviation of the parameters the filter models."""
-    table = {name: row["rmse_over_predicted"] for name, row in summary["parameters"].items()}
-    return {name: ratio for name, ratio in table.items() if math.isfinite(ratio)}
-
-
 def ratio_interval(row: Mapping[str, float]) -> tuple[float, float]:
     """95 % interval of a parameter's RMSE over predicted standard deviation."""
     return row["rmse_lower"] / row["predicted_std"], row["rmse_upper"] / row["predicted_std"]
-
-
-def most_deviant(summary: Summary) -> str:
-    """Name the parameter whose RMSE is farthest from the predicted one, by factor."""
-    table = ratios(summary)
-    return max(table, key=lambda name: abs(math.log(table[name])))
 
 
 def least_within(summary: Summary) -> str:
     """Name the parameter that keeps its bound in the fewest runs."""
     table = summary["parameters"]
     return min(table, key=lambda name: table[name]["share_within_bound"])
-
-
-def honesty(summary: Summary) -> str:
-    """Verdict on the filter's covariance: the mean NEES against its 95 % interval."""
-    if summary["nees_lower"] <= summary["nees_mean"] <= summary["nees_upper"]:
-        return HONEST
-    too_large = summary["nees_mean"] > summary["nees_upper"]
-    return f"dishonest ({'overconfident' if too_large else 'too cautious'})"
-
-
-def dishonest_parameters(summary: Summary) -> list[str]:
-    """Parameters whose RMSE-over-predicted interval lies outside the band, largest ratio first."""
-    table, low, high = summary["parameters"], *RATIO_BAND
-    ratio = ratios(summary)
-    outside = [
-        name
-        for name in ratio
-        if ratio_interval(table[name])[0] > high or ratio_interval(table[name])[1] < low
-    ]
-    return sorted(outside, key=ratio.__getitem__, reverse=True)
 
 
 def joint_text(summary: Summary) -> str:
@@ -191,17 +149,19 @@ def joint_text(summary: Summary) -> str:
 
 def bounds_word(summary: Summary) -> str:
     """Verdict on all bounds at once."""
-    return MET if summary["joint_share"] >= ENOUGH else NOT_MET
+    return share_word(summary["joint_share_lower"], summary["joint_share_upper"], ENOUGH)
 
 
-def missed(summary: Summary) -> dict[str, float]:
-    """Share of runs outside the bound, of the parameters that do not meet theirs often enough."""
-    table = summary["parameters"]
-    return {
-        name: 1.0 - row["share_within_bound"]
-        for name, row in table.items()
-        if row["share_within_bound"] < ENOUGH
-    }
+def bound_word(row: Mapping[str, float]) -> str:
+    """Verdict on the bound of one parameter."""
+    limits = row["share_within_bound_lower"], row["share_within_bound_upper"]
+    return share_word(*limits, ENOUGH)
+
+
+def not_kept(summary: Summary) -> dict[str, str]:
+    """Parameters whose bound is not met, or cannot be judged, with the word for it."""
+    words = {name: bound_word(row) for name, row in summary["parameters"].items()}
+    return {name: word for name, word in words.items() if word != MET}
 
 
 def degrees_of_freedom(summary: Summary) -> int:
@@ -221,29 +181,16 @@ def checks(summaries: Mapping[str, Summary]) -> list[Verdict]:
     list of Verdict
     """
     main, paper = summaries[MAIN], summaries[PAPER_TRUTH]
-    (low, high), (nees_low, nees_high) = RATIO_BAND, _NEES_BAND
-    ratio, count = ratios(main), len(main["parameters"])
-    inside, largest = sum(low <= r <= high for r in ratio.values()), max(ratio.values())
-    needed = count - _RATIO_EXCEPTIONS
+    count = len(paper["parameters"])
     return [
-        judged(
-            f"`{MAIN}`: RMSE/predicted between {low:.2f} and {high:.2f} for at least {needed} of "
-            f"{count} parameters and never above {_RATIO_CEILING:.2f}",
-            f"{inside} of {count} inside, smallest {min(ratio.values()):.3f}, "
-            f"largest {largest:.3f}",
-            inside >= needed and largest <= _RATIO_CEILING,
-        ),
-        judged(
-            f"`{MAIN}`: NEES mean between {nees_low:g} and {nees_high:g}",
-            f"{main['nees_mean']:.2f}",
-            nees_low <= main["nees_mean"] <= nees_high,
-        ),
-        judged(
+        *honesty.checks(MAIN, main),
+        share(
             f"`{PAPER_TRUTH}`: all {count} parameters within bounds at once in at least "
             f"{100 * ENOUGH:g} % of runs",
-            f"{100 * paper['joint_share']:.1f} %, 95 % interval "
-            f"{100 * paper['joint_share_lower']:.1f} to {100 * paper['joint_share_upper']:.1f} %",
-            paper["joint_share"] >= ENOUGH,
+            paper["joint_share_lower"],
+            paper["joint_share_upper"],
+            ENOUGH,
+            joint_text(paper),
         ),
     ]
 

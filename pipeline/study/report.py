@@ -6,8 +6,9 @@ from typing import Any
 
 from inscal.parameters import KINDS, NAMES, members
 from pipeline.config.schema import KIND_KEYS
-from pipeline.study import findings, verdict
-from pipeline.study.findings import ENOUGH, RATIO_BAND, Results, Summary
+from pipeline.study import findings, honesty, verdict
+from pipeline.study.findings import ENOUGH, Results, Summary
+from pipeline.study.honesty import HONEST
 from pipeline.study.names import COMPARISONS, LEVELS, MAIN, ONE_PASS
 from pipeline.words import markdown as md
 from pipeline.words.render import render
@@ -33,13 +34,13 @@ def report_text(results: Results) -> str:
     summaries, about = results.summaries, results.configuration
     checks = findings.checks(summaries)
     views = {name: _campaign(name, summary) for name, summary in summaries.items()}
-    missed = {name: findings.missed(summaries[name]) for name in _BY_NOISE}
+    not_kept = {name: findings.not_kept(summaries[name]) for name in _BY_NOISE}
     return render(
         findings.TEMPLATES,
         "report.md.jinja",
         enough=f"{100 * ENOUGH:g} %",
-        not_enough=f"{100 - 100 * ENOUGH:g} %",
-        ratio_band=RATIO_BAND,
+        level=f"{100 * honesty.LEVEL:g} %",
+        power=f"{100 * honesty.POWER:g} %",
         requirements=verdict.table(checks, "requirement", plain=(verdict.MET,)),
         requirements_met=sum(check.met for check in checks),
         requirements_count=len(checks),
@@ -47,8 +48,7 @@ def report_text(results: Results) -> str:
         main=views[MAIN],
         one_pass=views[ONE_PASS],
         by_noise=[views[name] for name in _BY_NOISE],
-        honest=[name for name in views if views[name]["honesty"] == findings.HONEST],
-        dishonest=[name for name in views if views[name]["honesty"] != findings.HONEST],
+        not_honest=[view for view in views.values() if view["honesty"] != HONEST],
         contests=[_contest(heading, name, results) for name, heading in COMPARISONS.items()],
         schedule=_schedule(about["schedule"]),
         site=about["site"],
@@ -61,27 +61,29 @@ def report_text(results: Results) -> str:
         noises=_noise_rows(summaries),
         campaign_rows=[_campaign_row(name, summary) for name, summary in summaries.items()],
         parameter_rows=[_row(n, row) for n, row in summaries[MAIN]["parameters"].items()],
-        missed_headings=("parameter", *map(md.code, missed)),
-        missed_rows=_missed_rows(missed),
-        all_kept=[name for name, table in missed.items() if not table],
+        missed_headings=("parameter", *map(md.code, not_kept)),
+        missed_rows=_missed_rows(summaries, not_kept),
+        all_kept=[name for name, words in not_kept.items() if not words],
         passes_rows=_passes_rows(summaries[ONE_PASS], summaries[MAIN]),
     )
 
 
 def _campaign(name: str, summary: Summary) -> dict[str, Any]:
-    dof = findings.degrees_of_freedom(summary)
+    runs, dof = summary["runs_done"], findings.degrees_of_freedom(summary)
     return {
         "name": name,
-        "runs_done": summary["runs_done"],
+        "runs_done": runs,
         "runs_failed": summary["runs_failed"],
         "count": len(summary["parameters"]),
         "bounds_word": findings.bounds_word(summary),
         "joint": findings.joint_text(summary),
-        "honesty": findings.honesty(summary),
+        "honesty": honesty.honesty(summary),
+        "sight": honesty.sight(runs, dof),
         "nees_mean": summary["nees_mean"],
         "degrees_of_freedom": dof,
         "nees_factor": summary["nees_mean"] / dof,
-        "outside_band": len(findings.dishonest_parameters(summary)),
+        "ratio_limits": honesty.ratio_limits(runs, dof),
+        "refuted": len(honesty.refuted(summary)),
     }
 
 
@@ -144,18 +146,18 @@ def _noise_rows(summaries: Mapping[str, Summary]) -> list[tuple[str, ...]]:
 
 
 def _campaign_row(name: str, summary: Summary) -> tuple[str, ...]:
-    ratio, table = findings.ratios(summary), summary["parameters"]
-    worst, least = findings.most_deviant(summary), findings.least_within(summary)
+    ratio, table = honesty.ratios(summary), summary["parameters"]
+    worst, least = honesty.most_deviant(summary), findings.least_within(summary)
     lowest_share = table[least]["share_within_bound"]
+    low, high = honesty.nees_limits(summary["runs_done"], len(ratio))
     return (
         md.code(name),
         str(summary["runs_done"]),
         str(summary["runs_failed"]),
         md.ends(map(int, summary["passes_taken"])),
         findings.joint_text(summary),
-        md.number(summary["nees_mean"])
-        + f" ({summary['nees_lower']:.2f} to {summary['nees_upper']:.2f})",
-        findings.honesty(summary),
+        f"{md.number(summary['nees_mean'])} ({low:.2f} to {high:.2f})",
+        honesty.honesty(summary),
         f"{min(ratio.values()):.2f} to {max(ratio.values()):.2f}",
         f"{md.code(worst)} {ratio[worst]:.2f}",
         f"{md.code(least)} {md.percent(lowest_share)}" if lowest_share < 1.0 else "none missed",
@@ -176,14 +178,19 @@ def _row(name: str, row: Mapping[str, Any]) -> tuple[str, ...]:
     )
 
 
-def _missed_rows(missed: Mapping[str, Mapping[str, float]]) -> list[tuple[str, ...]]:
+def _missed_rows(
+    summaries: Mapping[str, Summary], not_kept: Mapping[str, Mapping[str, str]]
+) -> list[tuple[str, ...]]:
+    def cell(campaign: str, name: str) -> str:
+        word = not_kept[campaign].get(name)
+        share = summaries[campaign]["parameters"][name]["share_within_bound"]
+        beyond = f"{100.0 * (1.0 - share):.1f}"
+        return {None: "·", verdict.UNDECIDED: f"{beyond}?"}.get(word, beyond)
+
     return [
-        (
-            md.code(name),
-            *(f"{100 * table[name]:.1f}" if name in table else "·" for table in missed.values()),
-        )
+        (md.code(name), *(cell(campaign, name) for campaign in not_kept))
         for name in NAMES
-        if any(name in table for table in missed.values())
+        if any(name in words for words in not_kept.values())
     ]
 
 
@@ -196,5 +203,5 @@ def _passes_rows(one_pass: Summary, two_passes: Summary) -> list[tuple[str, ...]
             f"{two[name]['rmse_over_predicted']:.2f}",
             f"{one[name]['rmse'] / two[name]['rmse']:.2f}",
         )
-        for name in findings.dishonest_parameters(one_pass)
+        for name in honesty.refuted(one_pass)
     ]

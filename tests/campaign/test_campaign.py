@@ -185,7 +185,7 @@ def test_precision_stops_at_the_same_run_whatever_the_batch(tmp_path, monkeypatc
     assert 200 < runs < 1000
     # precise enough here, and not yet at the look before
     before = looks[looks.index(runs) - 1]
-    assert store.precision(opened, runs) < 0.1 <= store.precision(opened, before)
+    assert store.precision(opened, runs)[0] < 0.1 <= store.precision(opened, before)[0]
     # a campaign that had enough makes no more runs when it is called again
     made.clear()
     make(path, *wanted)

@@ -8,6 +8,7 @@ from campaigns import SHORT
 
 from inscal import kernel
 from pipeline.campaign import store
+from pipeline.config.disturbance import KEYS
 from pipeline.config.load import load, resolved
 from pipeline.config.schema import KIND_KEYS
 
@@ -40,6 +41,7 @@ CHANGES = [
     "sensor.accel_pulses_per_m_per_s=1000",
     "campaign.runs=31",
     "campaign.seed=1",
+    *(f"disturbance.{key}=0.7" for key in KEYS),
 ]
 SAME = [
     ["cluster=processes"],
@@ -75,7 +77,7 @@ def test_every_setting_is_known_to_matter_or_not():
     # A key new to the configuration is to be put on one of the two lists above.
     settings = resolved(load([]))
     changed = {change.partition("=")[0] for change in CHANGES} | {
-        *("truth.distribution", "noise.name", "schedule.name")
+        *("truth.distribution", "noise.name", "schedule.name", "disturbance.name")
     }
     groups = {key: value for key, value in settings.items() if isinstance(value, dict)}
     keys = {f"{group}.{key}" for group, values in groups.items() for key in values}

@@ -3,12 +3,19 @@
 import numpy as np
 import pytest
 from conftest import paper_schedule, paper_truth
+from repeated_samples import tolerance
 from scipy import stats
 
 from inscal import parameters
 from inscal.estimator import Belief
 from inscal.experiment import prepare, run_with_history
-from inscal.innovations import innovation_statistics, share_beyond_band, whiten
+from inscal.innovations import (
+    autocorrelation,
+    innovation_statistics,
+    share_beyond_band,
+    white_band,
+    whiten,
+)
 from inscal.motion import Site
 from inscal.recursion import InitialStd
 from inscal.simulation import Truth, TruthModel
@@ -87,8 +94,28 @@ def test_share_beyond_the_band_is_counted_lag_by_lag():
     assert 0.5 * limits[1] < limits[0] < 1.01 * limits[0] < limits[1]
     outside = 1 + 2  # at the first lag and at the second
     assert share.value == outside / 8
-    z = stats.norm.ppf(0.995)
-    centre = (outside + z**2 / 2) / (8 + z**2)
-    half = z / (8 + z**2) * np.sqrt(outside * (1 - outside / 8) + z**2 / 4)
-    np.testing.assert_allclose([share.lower, share.upper], [max(centre - half, 0), centre + half])
+    exact = stats.binomtest(outside, 8).proportion_ci(0.99)
+    np.testing.assert_allclose([share.lower, share.upper], [exact.low, exact.high])
     assert share_beyond_band(correlation, updates, lags, band=0.999).value == 0.0
+
+
+def test_autocorrelation_of_an_alternating_and_of_a_constant_sequence():
+    sequence = np.column_stack([(-1.0) ** np.arange(10), np.full(10, 3.0)])
+    expected = [[-1.0, 1.0], [1.0, 1.0], [-1.0, 1.0]]
+    np.testing.assert_allclose(autocorrelation(sequence, [1, 2, 3]), expected)
+    for lag in (0, 10):
+        with pytest.raises(ValueError, match="lag"):
+            autocorrelation(sequence, [lag])
+
+
+def test_autocorrelation_finds_the_coloured_sequence():
+    rng = np.random.default_rng(8)
+    white = rng.standard_normal((4000, 400))
+    moving = white[1:] + 0.5 * white[:-1]
+    band = white_band(4000)
+    assert band == pytest.approx(1.96 / np.sqrt(4000), rel=1e-4)
+    inside = np.abs(autocorrelation(white, [1, 5, 20])) < band
+    assert inside.mean() == pytest.approx(0.95, abs=tolerance(0.95, inside.size))
+    # A moving average of order one has autocorrelation 0.5 / 1.25 at lag 1 and none beyond.
+    rho = autocorrelation(moving, [1, 2])
+    assert rho.mean(axis=1) == pytest.approx([0.4, 0.0], abs=0.005)

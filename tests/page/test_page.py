@@ -27,7 +27,7 @@ from pipeline.page import data as page_data
 from pipeline.page import verdict as page_verdict
 from pipeline.study import campaign as campaigns
 from pipeline.study import names
-from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
+from pipeline.study.verdict import UNDECIDED
 
 SECTIONS = [
     *("verdict", "distributions", "sigma", "nees", "schedules", "convergence", "observability"),
@@ -148,32 +148,33 @@ def test_numbers_are_those_of_the_summary(stores, seen, text):
 
 
 @pytest.mark.parametrize(
-    ("lower", "upper", "word"), [(0.99, 1.0, MET), (0.9, 0.989, NOT_MET), (0.98, 0.995, UNDECIDED)]
-)
-def test_bound_verdict_needs_the_whole_interval(lower, upper, word):
-    row = {"share_within_bound_lower": lower, "share_within_bound_upper": upper}
-    assert page_verdict.bound_verdict(row) == word
-
-
-@pytest.mark.parametrize(
-    ("lower", "upper", "word"),
+    ("runs", "ratio", "word"),
     [
-        (0.95, 1.05, "honest"),
-        (1.05, 1.2, "honest"),
-        (1.2, 1.4, "too small"),
-        (0.8, 0.9, "too large"),
+        (500, 1.11, "honest"),
+        (500, 1.13, "too small"),
+        (500, 0.87, "too large"),
+        (3, 1.13, UNDECIDED),
+        (3, 9.0, "too small"),
     ],
 )
-def test_sigma_verdict_needs_the_whole_interval(lower, upper, word):
-    row = {"rmse_lower": 2.0 * lower, "rmse_upper": 2.0 * upper, "predicted_std": 2.0}
-    assert page_verdict.sigma_verdict(row) == word
-    assert page_verdict.sigma_verdict(row | {"predicted_std": 0.0}) == "not estimated"
+def test_sigma_verdict_is_what_so_many_runs_can_say(runs, ratio, word):
+    table = {name: {"predicted_std": 2.0, "rmse_over_predicted": 1.0} for name in NAMES}
+    summary = {"runs_done": runs, "parameters": table}
+    table["accel_k11"]["rmse_over_predicted"] = ratio
+    assert page_verdict.sigma_verdict(summary, "accel_k11") == word
+    table["accel_k11"]["predicted_std"] = 0.0
+    assert page_verdict.sigma_verdict(summary, "accel_k11") == "not estimated"
 
 
 def test_headline_follows_the_joint_share(stores):
     summary = json_data(as_json(summary_of(load([]), stores / "quiet")))
-    for share, words in ((0.99, "are met"), (0.98, "are not met")):
-        assert words in page_verdict.headline(summary | {"joint_share": share})
+    for lower, upper, words in (
+        (0.99, 1.0, "The bounds are met: all"),
+        (0.97, 0.98, "The bounds are not met: all"),
+        (0.97, 1.0, "Whether the bounds are met cannot be judged: all"),
+    ):
+        ends = {"joint_share_lower": lower, "joint_share_upper": upper}
+        assert page_verdict.headline(summary | ends).startswith(words)
 
 
 def test_headline_counts_the_runs_that_failed(stores):

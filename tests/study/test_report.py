@@ -18,14 +18,15 @@ from pipeline.charts import style as figure_style
 from pipeline.config.load import load, resolved
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
-from pipeline.study import findings, names, report
+from pipeline.study import findings, honesty, names, report
 from pipeline.study.campaign import Campaign, read
 from pipeline.study.findings import Results
 from pipeline.study.names import MAIN, ONE_PASS, PAPER_TRUTH
+from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
 
 BOUND = xr.DataArray(paper_bounds(), {"parameter": list(NAMES)})
 SIGMA = paper_bounds() / 5.0
-RUNS = 60
+RUNS = 500
 CONFIGURATION = resolved(load([]))
 
 
@@ -109,26 +110,41 @@ def test_all_requirements_met(results):
     assert "not met" not in section(text, "Requirements")
 
 
-@pytest.mark.parametrize(
-    ("deviant", "ratio", "met"),
-    [(2, 1.2, True), (3, 1.2, False), (3, 0.9, False), (1, 1.26, False), (27, 1.1, True)],
-)
-def test_ratio_requirement_counts_the_parameters_that_leave_the_band(results, deviant, ratio, met):
-    for name in NAMES[:deviant]:
-        results.summaries[MAIN]["parameters"][name]["rmse_over_predicted"] = ratio
-    assert verdicts(results) == [met, True, True]
+@pytest.mark.parametrize(("ratio", "met"), [(0.86, False), (0.9, True), (1.1, True), (1.14, False)])
+def test_one_sigma_is_refuted_beyond_what_chance_does(results, ratio, met):
+    results.summaries[MAIN]["parameters"]["accel_k22"]["rmse_over_predicted"] = ratio
+    assert verdicts(results) == [True, met, True]
+    assert ("(`accel_k22`)" in section(report.report_text(results), "Requirements")) == (not met)
 
 
-@pytest.mark.parametrize(("mean", "met"), [(25.9, False), (26.1, True), (28.6, False)])
+@pytest.mark.parametrize(("mean", "met"), [(25.9, False), (26.2, True), (28.0, False)])
 def test_nees_requirement(results, mean, met):
     results.summaries[MAIN]["nees_mean"] = mean
-    assert verdicts(results) == [True, met, True]
+    assert verdicts(results) == [met, True, True]
     assert ("**not met**" in report.report_text(results)) == (not met)
 
 
-def test_joint_requirement(results):
-    results.summaries[PAPER_TRUTH]["joint_share"] = 0.989
-    assert verdicts(results) == [True, True, False]
+def test_few_runs_refute_but_do_not_confirm(results):
+    main = results.summaries[MAIN]
+    main["runs_done"] = 3
+    assert [check.word for check in honesty.checks(MAIN, main)] == [UNDECIDED, UNDECIDED]
+    assert honesty.honesty(main) == UNDECIDED
+    main["parameters"]["accel_k22"]["rmse_over_predicted"] = 9.0
+    assert honesty.honesty(main) == "dishonest (overconfident)"
+
+
+@pytest.mark.parametrize(
+    ("interval", "word"),
+    [((0.98, 0.989), NOT_MET), ((0.985, 0.995), UNDECIDED), ((0.99, 1.0), MET)],
+)
+def test_all_bounds_at_once_are_judged_by_the_whole_interval(results, interval, word):
+    ends = dict(zip(("joint_share_lower", "joint_share_upper"), interval, strict=True))
+    for name in (PAPER_TRUTH, "position25-noisy"):
+        results.summaries[name] |= ends
+    assert findings.checks(results.summaries)[-1].word.startswith(word)
+    short = section(report.report_text(results), "In short")
+    assert f"- The paper's bounds, `position25-noisy`: {word};" in short
+    assert "- The paper's bounds, `position25-quiet`: met;" in short
 
 
 @pytest.mark.parametrize(
@@ -140,25 +156,29 @@ def test_honesty_follows_the_mean_nees(results, mean, verdict):
     text = report.report_text(results)
     row = next(r for r in text.splitlines() if r.startswith("| `position19-noisy`"))
     assert f"| {verdict} |" in row
-    count = 8 if verdict == "honest" else 7  # the single pass is dishonest by construction
-    assert f"honest in {count} of 9 campaigns" in text
+    assert (f"{verdict} in `position19-noisy`" in text) == (verdict != "honest")
 
 
-def test_missed_bounds_are_those_below_99_percent(results):
-    share = results.summaries["position25-noisy"]["parameters"]
-    share["lever_arm_x"]["share_within_bound"] = 0.4
-    share["lever_arm_y"]["share_within_bound"] = 0.99
+def test_honesty_follows_the_sigma_of_each_parameter(results):
+    table = results.summaries["position19-noisy"]
+    table["parameters"]["lever_arm_x"]["rmse_over_predicted"] = 0.8
+    assert honesty.honesty(table) == "dishonest (too cautious)"
+    table["parameters"]["lever_arm_y"]["rmse_over_predicted"] = 1.3
+    assert honesty.honesty(table) == "dishonest (overconfident)"
+    assert honesty.refuted(table) == {"lever_arm_y": "too small", "lever_arm_x": "too large"}
+
+
+def test_bounds_are_missed_where_the_whole_interval_is_below_99_percent(results):
+    table = results.summaries["position25-noisy"]["parameters"]
+    shares = {"x": (0.4, 0.36, 0.44), "y": (0.99, 0.99, 0.99), "z": (0.99, 0.98, 1.0)}
+    for name, ends in shares.items():
+        keys = (f"share_within_bound{end}" for end in ("", "_lower", "_upper"))
+        table[f"lever_arm_{name}"] |= dict(zip(keys, ends, strict=True))
     missed = section(report.report_text(results), "Which bounds are missed")
     row = next(r for r in missed.splitlines() if r.startswith("| `lever_arm_x`"))
     assert row == "| `lever_arm_x` | · | · | 60.0 | · | · | · |"
     assert "lever_arm_y" not in missed
-
-
-def test_bounds_met_at_once_follow_the_joint_share(results):
-    results.summaries["position25-noisy"]["joint_share"] = 0.98
-    short = section(report.report_text(results), "In short")
-    assert "`position25-noisy`: the paper's bounds are not met" in short
-    assert "`position25-quiet`: the paper's bounds are met" in short
+    assert "| `lever_arm_z` | · | · | 1.0? | · | · | · |" in missed
 
 
 def test_single_pass_is_called_what_its_numbers_are(results):

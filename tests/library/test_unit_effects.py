@@ -1,0 +1,294 @@
+"""What every constant disturbance does to a record, against quadrature of what it is."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from walked_path import parts_of, seen, walk
+
+from inscal import earth
+from inscal.disturbance import COMPONENTS, Disturbance
+from inscal.disturbed import turn_at_rate
+from inscal.motion import Site, build_motion, cut_into_steps
+from inscal.path import Path
+from inscal.schedule import Schedule, turns_of
+from inscal.unit_effects import DELAY_TERMS, delay_series, effect, trend
+
+SITE = Site(np.deg2rad(-33.0), 900.0)
+SCHEDULE = Schedule(
+    ("East", "North", "Up"),
+    turns_of([(45.0, "Z"), (-90.0, "X"), (180.0, "Y")]),
+    20.0,
+    np.deg2rad(20.0),
+)
+STEPS = {"update_interval": 1.0, "dwell_step": 1.0, "turn_step": 0.25}
+ABOUT = Disturbance(vibration=1.0, vibration_frequency=3.7)
+OTHERS = ((1, 2), (0, 2), (0, 1))
+
+
+@pytest.fixture(scope="module")
+def path():
+    steps = cut_into_steps(SCHEDULE, **STEPS)
+    return Path(steps, build_motion(SCHEDULE, SITE, **STEPS), SITE)
+
+
+@pytest.fixture(scope="module")
+def parts():
+    return parts_of(SCHEDULE)
+
+
+def increments(path, parts, **of_the_site):
+    return walk(SITE, parts, path.edges, seen(SITE, **of_the_site))
+
+
+def sensed(path, parts, function):
+    """Integral of a function of (rate, force), six of each step."""
+    both = seen(SITE)
+
+    def value(t, part):
+        now = both(t, part)
+        return function(now[:3], now[3:])
+
+    return walk(SITE, parts, path.edges, value)
+
+
+def test_the_walk_is_the_motion(path, parts):
+    both = np.concatenate([path.motion.angle, path.motion.velocity], axis=1)
+    np.testing.assert_allclose(increments(path, parts), both, atol=2e-12)
+
+
+def test_every_source_has_its_components(path):
+    for source, count in COMPONENTS.items():
+        rows = effect(path, ABOUT, source)
+        assert rows.increments.shape == (count or 3, path.motion.steps, 6), source
+        assert rows.observations.shape == (count or 3, 6)
+        observed = source == "observation_bias"
+        assert rows.observations.any() == observed
+        assert rows.increments.any() == (not observed and source != "observation_delay")
+
+
+FORCE_TERMS = {
+    "accel_asymmetry": [lambda f, i=i: (i, 0.5 * abs(f[i])) for i in range(3)],
+    "accel_cubic": [lambda f, i=i: (i, f[i] ** 3) for i in range(3)],
+    "accel_cross_coupling": [
+        lambda f, i=i, j=j: (i, f[i] * f[j]) for i in range(3) for j in OTHERS[i]
+    ],
+    "accel_pendulous": [lambda f, i=i, j=j: (i, f[j] ** 2) for i in range(3) for j in OTHERS[i]],
+}
+
+
+@pytest.mark.parametrize("source", FORCE_TERMS)
+def test_terms_of_accelerometers_are_integrals_of_the_turning_force(path, parts, source):
+    rows = effect(path, ABOUT, source).increments
+    for row, term in zip(rows, FORCE_TERMS[source], strict=True):
+        expected = np.zeros((path.motion.steps, 6))
+        axis, _ = term(np.zeros(3))
+        expected[:, 3 + axis] = sensed(path, parts, lambda w, f, term=term: [term(f)[1]])[:, 0]
+        # |f| has a corner where it changes its sign within a step
+        np.testing.assert_allclose(-row, expected, atol=5e-3 if source[6] == "a" else 1e-9)
+
+
+def test_gyro_terms(path, parts):
+    rows = effect(path, ABOUT, "gyro_asymmetry").increments
+    expected = sensed(path, parts, lambda w, f: 0.5 * np.abs(w))
+    for i in range(3):
+        assert not np.delete(rows[i], i, axis=1).any()
+        np.testing.assert_allclose(-rows[i][:, i], expected[:, i], atol=1e-6)
+    rows = effect(path, ABOUT, "gyro_g_sensitivity").increments
+    force = sensed(path, parts, lambda w, f: f)
+    for i in range(3):
+        for j in range(3):
+            assert not np.delete(rows[3 * i + j], i, axis=1).any()
+            np.testing.assert_allclose(-rows[3 * i + j][:, i], force[:, j], atol=1e-11)
+
+
+@pytest.mark.parametrize("time", [0.0, 15.0])
+def test_drifts_move_by_one_and_have_no_mean(path, parts, time):
+    def s(t):
+        if time == 0.0:
+            return t / path.edges[-1] - 0.5
+        k = path.edges[-1] / time
+        mean = 1.0 - (1.0 - np.exp(-k)) / k
+        return (1.0 - np.exp(-t / time) - mean) / (1.0 - np.exp(-k))
+
+    assert s(path.edges[-1]) - s(0.0) == pytest.approx(1.0)
+    assert trend(path.edges, time).sum() == pytest.approx(0.0, abs=1e-12)
+    about = Disturbance(drift_time=time)
+    expected = walk(SITE, parts, path.edges, lambda t, part: [s(t)])[:, 0]
+    for source, first in (("gyro_drift", 0), ("accel_drift", 3)):
+        rows = effect(path, about, source).increments
+        for i in range(3):
+            np.testing.assert_allclose(-rows[i][:, first + i], expected, atol=1e-12)
+            assert not np.delete(rows[i], first + i, axis=1).any()
+    both = seen(SITE)
+    scaled = walk(SITE, parts, path.edges, lambda t, part: s(t) * both(t, part))
+    for source, first in (("gyro_scale_drift", 0), ("accel_scale_drift", 3)):
+        rows = effect(path, about, source).increments
+        for i in range(3):
+            # in a turn f varies within a step, by less than the trend does over all
+            np.testing.assert_allclose(-rows[i][:, first + i], scaled[:, first + i], atol=2e-3)
+
+
+def test_at_rest_a_place_feels_the_earth_spin(path):
+    place = np.array([0.3, -0.2, 0.5])
+    row = np.tensordot(place, effect(path, ABOUT, "table_offset").increments, axes=1)
+    assert not row[:, :3].any()
+    for s in np.flatnonzero(path.steps.turn < 0):
+        w = path.steps.attitude[s].T @ path.earth_rate
+        spin = np.cross(w, np.cross(w, place)) * path.motion.duration[s]
+        np.testing.assert_allclose(row[s, 3:], spin, atol=1e-18)
+
+
+def test_a_turn_moves_a_point_from_one_end_of_its_arc_to_the_other(path):
+    place = np.array([0.3, -0.2, 0.5])
+    row = np.tensordot(place, effect(path, ABOUT, "table_offset").increments, axes=1)[:, 3:]
+    own = np.flatnonzero(path.steps.turn == 1)
+    rate = path.steps.rate[own[0]]
+    velocity, moved = np.zeros(3), np.zeros(3)
+    for s in own:
+        change = row[s].copy()
+        jump = (s == own[0]) * np.cross(rate, place) - (s == own[-1]) * np.cross(rate, place)
+        dt = path.motion.duration[s]
+        middle = path.steps.attitude[s] @ Rotation.from_rotvec(0.5 * dt * rate).as_matrix()
+        velocity = velocity + (s == own[0]) * path.steps.attitude[s] @ np.cross(rate, place)
+        steady = middle @ (change - jump)
+        moved = moved + dt * (velocity + 0.5 * steady)
+        velocity = velocity + steady
+    arc = (path.steps.attitude[own[-1] + 1] - path.steps.attitude[own[0]]) @ place
+    np.testing.assert_allclose(moved, arc, atol=2e-3 * np.linalg.norm(place))
+    last = path.steps.attitude[own[-1] + 1] @ np.cross(rate, place)
+    np.testing.assert_allclose(velocity, last, atol=2e-3 * np.linalg.norm(last))
+
+
+def test_off_axis_arms_are_parts_of_a_displacement(path):
+    whole = effect(path, ABOUT, "table_offset").increments
+    rows = effect(path, ABOUT, "off_axis_lever_arm").increments
+    for i in range(3):
+        for n, j in enumerate(OTHERS[i]):
+            assert not np.delete(rows[2 * i + n], 3 + i, axis=1).any()
+            np.testing.assert_array_equal(rows[2 * i + n][:, 3 + i], whole[j][:, 3 + i])
+
+
+def test_another_site_is_a_site_elsewhere(path, parts):
+    small = 1e-5
+    sides = [
+        increments(
+            path,
+            parts,
+            gravity=earth.gravity_ned(SITE.latitude + s, SITE.height),
+            earth_rate=earth.earth_rate_ned(SITE.latitude + s),
+        )
+        for s in (small, -small)
+    ]
+    row = effect(path, ABOUT, "latitude").increments[0]
+    np.testing.assert_allclose(row, (sides[0] - sides[1]) / (2 * small), atol=1e-6)
+    nominal, g = increments(path, parts), path.gravity
+    more = increments(path, parts, gravity=g + np.eye(3)[2])
+    np.testing.assert_allclose(
+        effect(path, ABOUT, "gravity").increments[0], more - nominal, atol=1e-11
+    )
+    tilt = 1e-4
+    for m in range(2):
+        # the plumb line leans: north (or east) of the ellipsoid's normal, seen from below
+        leaned = g - g[2] * tilt * np.eye(3)[m]
+        change = (increments(path, parts, gravity=leaned) - nominal) / tilt
+        np.testing.assert_allclose(
+            effect(path, ABOUT, "deflection").increments[m], change, atol=1e-6
+        )
+
+
+def differences(path, rates, size):
+    sides = [increments(path, parts_of(SCHEDULE, rates(s))) for s in (size, -size)]
+    return (sides[0] - sides[1]) / (2 * size)
+
+
+def test_turns_by_another_angle_leave_all_that_follows_turned(path):
+    rows = effect(path, ABOUT, "turn_angle").increments
+    for n in range(3):
+
+        def rates(s, n=n):
+            angle = np.deg2rad((45.0, 90.0, 180.0)[n])
+            return lambda turn, rate: rate * (1.0 + (turn == n) * s / angle)
+
+        expected, rest = differences(path, rates, 1e-4), path.steps.turn < 0
+        np.testing.assert_allclose(rows[n][rest], expected[rest], atol=1e-6)
+        np.testing.assert_allclose(rows[n], expected, atol=3e-2)
+
+
+def test_an_axis_that_leans_turns_about_another(path):
+    rows = effect(path, ABOUT, "table_axis").increments
+    for i in range(3):
+        for n, j in enumerate(OTHERS[i]):
+
+            def rates(s, i=i, j=j):
+                return lambda turn, rate: rate + s * rate[i] * np.eye(3)[j]
+
+            expected = differences(path, rates, 1e-5)
+            rest = path.steps.turn < 0
+            np.testing.assert_allclose(rows[2 * i + n][rest], expected[rest], atol=1e-6)
+            # within a turn the mean lean takes the place of the lean: of second order in a step
+            np.testing.assert_allclose(rows[2 * i + n], expected, atol=2e-2)
+
+
+def test_a_base_that_tilts(path, parts):
+    size, g, w = 1e-5, path.gravity, path.earth_rate
+    for m in range(2):
+        direction = np.eye(3)[m]
+
+        def tilted(t, part, sign, direction=direction):
+            psi = sign * size * (t / path.edges[-1] - 0.5) * direction
+            attitude = Rotation.from_rotvec(psi).as_matrix() @ part.attitude_at(t)
+            turning = attitude.T @ (sign * size / path.edges[-1] * direction)
+            return np.concatenate([part.rate + turning + attitude.T @ w, attitude.T @ -g])
+
+        sides = [
+            walk(SITE, parts, path.edges, lambda t, part, s=s: tilted(t, part, s)) for s in (1, -1)
+        ]
+        row = effect(path, ABOUT, "base_tilt").increments[m]
+        np.testing.assert_allclose(row, (sides[0] - sides[1]) / (2 * size), atol=2e-3)
+
+
+def test_vibration_shakes_the_base(path, parts):
+    rows = effect(path, ABOUT, "vibration").increments
+    phase = 2.0 * np.pi * ABOUT.vibration_frequency
+    for n, wave in enumerate((np.cos, np.sin)):
+        for m in range(3):
+
+            def shaken(t, part, wave=wave, m=m):
+                return part.attitude_at(t).T[:, m] * wave(phase * t)
+
+            expected = walk(SITE, parts, np.linspace(0.0, path.edges[-1], 40 * 80 + 1), shaken)
+            whole = np.add.reduceat(expected, np.round(path.edges[:-1] * 40).astype(int), axis=0)
+            rest = path.steps.turn < 0
+            np.testing.assert_allclose(rows[3 * n + m][rest, 3:], whole[rest], atol=1e-9)
+
+
+@pytest.mark.parametrize("delay", [0.004, -0.004])
+def test_a_delay_reads_an_earlier_window(path, parts, delay):
+    terms = delay_series(path)
+    powers = [max(delay, 0.0) ** n for n in range(1, DELAY_TERMS + 1)]
+    powers += [max(-delay, 0.0) ** n for n in range(1, DELAY_TERMS + 1)]
+    row = np.tensordot(powers, terms, axes=1)
+    longer = parts_of(SCHEDULE)
+    longer[0].start, longer[-1].end = -1.0, longer[-1].end + 1.0
+    both = seen(SITE)
+    late = walk(SITE, longer, path.edges - delay, both)[:, 3:]
+    change = late - walk(SITE, longer, path.edges, both)[:, 3:]
+    np.testing.assert_allclose(row[:, 3:], change, atol=3e-12)
+    assert not row[:, :3].any()
+
+
+@pytest.mark.parametrize("share", [0.02, -0.02])
+def test_turns_at_another_rate_end_in_time(path, share):
+    found = turn_at_rate(path, share)
+    parts = parts_of(SCHEDULE, starts=lambda start, end: end - (end - start) / (1.0 + share))
+    expected = increments(path, parts) - increments(path, parts_of(SCHEDULE))
+    np.testing.assert_allclose(found, expected, atol=5e-12)
+
+
+def test_turn_rate_to_first_order(path):
+    size = 1e-6
+    expected = (turn_at_rate(path, size) - turn_at_rate(path, -size)) / (2.0 * size)
+    row = effect(path, ABOUT, "turn_rate").increments[0]
+    inner = (path.steps.turn >= 0) & (np.diff(path.steps.turn, prepend=-1) == 0)
+    np.testing.assert_allclose(row[inner], expected[inner], atol=0.05)
+    np.testing.assert_allclose(row.sum(axis=0)[:3], expected.sum(axis=0)[:3], atol=1e-3)
