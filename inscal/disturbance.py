@@ -114,7 +114,7 @@ class Disturbance:
     turn_angle : float
         Of each turn, rad.
     turn_rate : float
-        Relative error of the rate of all turns, 1.
+        Share by which all turns are faster in their first half and slower in their second, 1.
     table_axis : float
         Tilt of the axis of turns about x, y and z towards the two others, rad.
     base_tilt : float

@@ -5,8 +5,6 @@ are *apparent* increments a beside the true ones t: sensors that `sense` would r
 they now report of t, so that much is added to the record. (Of noise, the quadratic term then sees
 the force without a: below 1e-10 of the noise.) Beside them:
 
-- **Turn rate** off by a share r. A turn of rate (1 + r) w still ends in time, so it starts later by
-  r / (1 + r) of its duration; its increments are exact, those of a rest and of a steady turn.
 - **Pulses.** A sensor counts whole pulses of its integral and carries the remainder (Savage,
   Strapdown Analytics, 2000, sec. 8.1.3): it has reported what it saw to within half a pulse.
 - **Correlated observations.** Noise n of the same sigma becomes x_k = c x_{k-1} +
@@ -19,7 +17,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from inscal.disturbance import Disturbance, draw_constants
 from inscal.kernel import LANES, compiled
@@ -27,7 +24,6 @@ from inscal.motion import Motion, Site, cut_into_steps
 from inscal.parameters import COUNT
 from inscal.path import Path
 from inscal.record import OBSERVED, Record
-from inscal.rotation import mean_rotation
 from inscal.schedule import Schedule
 from inscal.sensor import inverse_matrices, sense
 from inscal.state_model import NoiseModel
@@ -35,7 +31,6 @@ from inscal.unit_effects import DELAY_TERMS, delay_series, effect
 from inscal.wander import add_process
 
 _DELAY = "gyro_accel_delay"
-_TURN_RATE = "turn_rate"
 
 
 def true_noise(believed: NoiseModel, disturbance: Disturbance) -> NoiseModel:
@@ -107,7 +102,7 @@ class Disturbed:
     def alters_sensors(self) -> bool:
         """Whether there are apparent increments at all."""
         about = self.disturbance
-        return bool(self.rows.any() or about.processes or about.turn_rate > 0.0)
+        return bool(self.rows.any() or about.processes)
 
     def constants(self, seed: int, runs: Sequence[int]) -> np.ndarray:
         """What the rows are multiplied with in some runs, shape (n, runs)."""
@@ -125,9 +120,6 @@ class Disturbed:
         _combine(self.rows, constants, out)
         for source in self.disturbance.processes:
             add_process(out, self.disturbance, source, motion.duration, seed=seed, runs=runs)
-        if self.disturbance.turn_rate > 0.0:
-            for lane, share in enumerate(self._drawn(_TURN_RATE, seed, runs)[0]):
-                out[:, :, lane] += turn_at_rate(self.path, share)
         return out
 
     def _drawn(self, source: str, seed: int, runs: Sequence[int]) -> np.ndarray:
@@ -164,7 +156,10 @@ def disturb(
     if disturbance.absent:
         return None
     steps = cut_into_steps(
-        schedule, update_interval=update_interval, dwell_step=dwell_step, turn_step=turn_step
+        schedule,
+        update_interval=update_interval,
+        dwell_step=dwell_step,
+        turn_step=turn_step,
     )
     path = Path(steps, motion, site)
     rows, observed = [np.zeros((0, motion.steps, 6))], [np.zeros((0, OBSERVED))]
@@ -186,50 +181,13 @@ def disturb(
 
 
 def _linear(disturbance: Disturbance) -> list[str]:
-    return [source for source in disturbance.constants if source != _TURN_RATE]
+    return disturbance.constants
 
 
 def _powers(delay: np.ndarray) -> np.ndarray:
     """Powers of delays, shape (1, lanes), then of the amounts of negative ones."""
     late, early = np.maximum(delay[0], 0.0), np.maximum(-delay[0], 0.0)
     return np.array([side**n for side in (late, early) for n in range(1, DELAY_TERMS + 1)])
-
-
-def turn_at_rate(path: Path, share: float) -> np.ndarray:
-    """Change of the true increments where turns are faster by a share, and end in time.
-
-    Parameters
-    ----------
-    path : Path
-    share : float
-        Above -1. A turn that is too slow for its position takes all of it.
-
-    Returns
-    -------
-    ndarray, shape (steps, 6)
-        rad and m/s.
-    """
-    edges, steps, motion = path.edges, path.steps, path.motion
-    change, earliest = np.zeros((motion.steps, 6)), 0
-    for turn in range(path.turns):
-        own = np.flatnonzero(steps.turn == turn)
-        end, stop = edges[own[-1] + 1], own[-1] + 1
-        duration = end - edges[own[0]]
-        start = max(end - duration / max(1.0 + share, 1e-3), edges[earliest])
-        rate = steps.rate[own[0]] * (duration / (end - start))
-        window = slice(earliest, stop)
-        rest = np.clip(start - edges[window], 0.0, steps.duration[window])
-        moving = steps.duration[window] - rest
-        turned = (edges[window] + rest - start).clip(0.0)[:, None] * rate
-        at_rest = steps.attitude[own[0]]
-        attitude = at_rest @ Rotation.from_rotvec(turned).as_matrix()
-        to_body = mean_rotation(-moving[:, None] * rate) @ attitude.mT
-        to_body = rest[:, None, None] * at_rest.T + moving[:, None, None] * to_body
-        angle = moving[:, None] * rate + to_body @ path.earth_rate
-        change[window, :3] = angle - motion.angle[window]
-        change[window, 3:] = to_body @ -path.gravity - motion.velocity[window]
-        earliest = stop
-    return change
 
 
 @compiled

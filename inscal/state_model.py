@@ -108,12 +108,18 @@ class Transitions:
         Which of `parameter` leads to each update.
     noise : ndarray, shape (9, 9)
         Covariance that sensor noise adds over one interval.
+    dynamics : ndarray, shape (9, 9)
+        Continuous dynamics of the navigation states, 1/s.
+    interval : float
+        Between updates, s.
     """
 
     navigation: np.ndarray
     parameter: np.ndarray
     index: np.ndarray
     noise: np.ndarray
+    dynamics: np.ndarray
+    interval: float
 
 
 def navigation_dynamics(site: Site) -> np.ndarray:
@@ -254,6 +260,8 @@ def build_transitions(
         parameter=np.array(distinct),
         index=index,
         noise=_noise_covariance(a, noise, update_interval),
+        dynamics=a,
+        interval=update_interval,
     )
 
 
@@ -291,6 +299,21 @@ def _carries(a: np.ndarray) -> Callable[[float, float], np.ndarray]:
         return np.array([expm(a * t) for t in nodes])
 
     return carries
+
+
+def noise_covariance(transitions: Transitions, noise: NoiseModel) -> np.ndarray:
+    """Covariance that other sensor noise would add over an interval of these transitions.
+
+    Parameters
+    ----------
+    transitions : Transitions
+    noise : NoiseModel
+
+    Returns
+    -------
+    ndarray, shape (9, 9)
+    """
+    return _noise_covariance(transitions.dynamics, noise, transitions.interval)
 
 
 def _noise_covariance(a: np.ndarray, noise: NoiseModel, interval: float) -> np.ndarray:

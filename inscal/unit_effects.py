@@ -20,8 +20,9 @@ body axes, B the integral of C^T over the step, g gravity and w_e the Earth's ra
   gravity by -g xi northwards and -g eta eastwards (Heiskanen and Moritz, Physical Geodesy, 1967,
   sec. 2-22).
 - **Attitude** psi (NED, true C = (I + [psi x]) C): the force changes by C^T (psi x g), the Earth's
-  rate by -C^T (psi x w_e) and the body's by C^T dpsi/dt. Turns by another angle or about another
-  axis add C dw dt to psi, a base that tilts adds s(t).
+  rate by -C^T (psi x w_e) and the body's by C^T dpsi/dt. Turns by another angle, about another
+  axis, or faster in their first half and slower in their second, which end in time and place, add
+  C dw dt to psi; a base that tilts adds s(t).
 - **Vibration**: the base accelerates by a cos(2 pi f t) + b sin(2 pi f t) along N, E, D.
 - **Delay** of the accelerometers by d: the increment is that of a window d earlier, so it loses the
   last d of its step and gains that of the step before. Seen from its end f turns with w, so that
@@ -30,7 +31,6 @@ body axes, B the integral of C^T over the step, g gravity and w_e the Earth's ra
 - **Observations**: bias of the velocity. They are of the table's centre, which rests: a delay of
   them changes nothing, wherever the unit sits.
 
-A rate of all turns that is off by percents is not linear enough: `inscal.disturbed.turn_at_rate`.
 """
 
 from collections.abc import Callable
@@ -74,8 +74,7 @@ def effect(path: Path, disturbance: Disturbance, source: str) -> Effect:
     disturbance : Disturbance
         Its `drift_time` and `vibration_frequency` are used; sizes are not.
     source : str
-        Key of `inscal.disturbance.COMPONENTS`; ``turn_rate`` to first order, its second being of
-        the size of the square of the angle by which a turn lags.
+        Key of `inscal.disturbance.COMPONENTS`.
 
     Returns
     -------
@@ -236,20 +235,14 @@ def _table_axis(path: Path) -> np.ndarray:
 
 
 def _turn_rate(path: Path) -> np.ndarray:
-    """To first order: a turn that ends in time but is faster lags by the time still to go."""
-    edges, number = path.edges, path.steps.turn
-    psi, gained = np.zeros((2, path.motion.steps, 3))
+    steps, edges = path.steps, path.edges
+    faster = np.zeros_like(steps.rate)
     for turn in range(path.turns):
-        own = np.flatnonzero(number == turn)
-        end = edges[own[-1] + 1]
-        middle = 0.5 * (edges[own] + edges[own + 1])
-        w = path.steps.rate[own]
-        mean = path.steps.to_body[own].mT @ w[..., None] / path.steps.duration[own, None, None]
-        psi[own] = -mean[..., 0] * (end - middle)[:, None]
-        gained[own] = w * path.steps.duration[own, None]
-        # all of the lag is there at once when a turn starts
-        gained[own[0]] -= w[0] * (end - edges[own[0]])
-    return attitude_effect(path, psi, gained)[None]
+        own = np.flatnonzero(steps.turn == turn)
+        middle = 0.5 * (edges[own[0]] + edges[own[-1] + 1])
+        before = np.clip(middle - edges[own], 0.0, steps.duration[own]) / steps.duration[own]
+        faster[own] = steps.rate[own] * (2.0 * before - 1.0)[:, None]
+    return turned_otherwise(path, faster)[None]
 
 
 def _base_tilt(path: Path) -> np.ndarray:

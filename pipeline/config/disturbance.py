@@ -77,7 +77,8 @@ class Disturbance:
     gravity_mgal, latitude_arcsec, deflection_arcsec : float
         True site less the believed one; the vertical's deflection to the north and to the east.
     turn_angle_arcsec, turn_rate_percent, table_axis_arcsec : float
-        Angle of every turn, rate of all turns, tilt of each axis of turning towards the others.
+        Angle of every turn; rate of all turns, up in their first half and down in their second;
+        tilt of each axis of turning towards the others.
     base_tilt_arcsec : float
         Change of the table's tilt about north and east from start to end, linear.
     vibration_ug, vibration_hz : float

@@ -101,6 +101,7 @@ class Recording(Config):
 CASES = {
     "predict": [*SHORT],
     "observe": [*SHORT],
+    "budget": [*SHORT, "disturbance=laboratory"],
     "summarize": ["campaign.store=campaign"],
     "compare": ["a=campaign", "b=campaign"],
     "paper_effects": ["effects.duration_s=60"],

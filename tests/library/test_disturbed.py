@@ -132,7 +132,7 @@ def test_constants_are_normal_with_the_size_as_sigma():
 
 def test_full_rate_and_aggregated_rests_are_disturbed_alike():
     """Constants do the same over a second whatever its steps."""
-    sizes = {name: 1e-5 for name in COMPONENTS if name not in ("vibration", "turn_rate")}
+    sizes = {name: 1e-5 for name in COMPONENTS if name != "vibration"}
     quiet = NoiseModel(0.0, 0.0, 1e-3, 0.1)
     sums = []
     for steps in ({"dwell_step": 1.0, "turn_step": 0.01}, {"dwell_step": 0.01, "turn_step": 0.01}):

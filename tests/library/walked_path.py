@@ -25,16 +25,13 @@ class Part:
         return self.attitude @ Rotation.from_rotvec((t - self.start) * self.rate).as_matrix()
 
 
-def parts_of(schedule, rates=lambda turn, rate: rate, starts=lambda start, end: start):
-    """Parts of a schedule whose turns may have other rates, or start at other times."""
+def parts_of(schedule, rates=lambda turn, rate: rate):
+    """Parts of a schedule whose turns may have other rates."""
     parts, attitude, turn = [], segments(schedule)[0].attitude, 0
     for planned in segments(schedule):
         rate, start, end = planned.rate, planned.start, planned.end
         if rate.any():
-            start = starts(start, end)
-            rate = rates(turn, rate) * (planned.end - planned.start) / (end - start)
-            if parts:
-                parts[-1].end = start
+            rate = rates(turn, rate)
             turn += 1
         parts.append(Part(start, end, attitude, rate))
         attitude = parts[-1].attitude_at(end)

@@ -1,0 +1,347 @@
+r"""What every error of the estimates is made of: an error budget, linear and without simulation.
+
+A filter's estimates are linear in everything that goes into its record, to first order: initial
+errors, noise, and whatever disturbs the truth beyond the model (Markley and Carpenter, Journal of
+the Astronautical Sciences 57, 2009: true against design covariance). With the filter's own gains K,
+transition F and selection H of what is observed, errors x of the states go on by
+
+.. math:: x_k = (I - K_k H)(F_k x_{k-1} + w_k) + K_k v_k .
+
+The rows L of the final estimates follow this backwards, from L_N, which picks the parameters:
+M_k = L_k (I - K_k H) is what a navigation error w_k does to them, L_k K_k what one of the
+observation v_k does, and L_{k-1} = M_k F_k; L_0 is what an initial error does. One sweep serves all
+sources. Every pass of the filter converges to the same linear map, so the gains of the first do.
+
+White noise of covariance Q then adds the sum of M Q M^T, an initial covariance P_0 adds
+L_0 P_0 L_0^T; with the gains of the filter the two are its own covariance. A constant c of a
+disturbance adds E c, E being the sum of M times what it does to navigation. Biases that wander are
+carried along with the sum of M times their integrals (`inscal.wander`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import expm
+
+from inscal.disturbance import Disturbance
+from inscal.disturbed import Disturbed, true_noise
+from inscal.kernel import compiled
+from inscal.parameters import COUNT
+from inscal.record import OBSERVED
+from inscal.recursion import Gains, InitialStd, observation_covariance
+from inscal.state_model import (
+    NAVIGATION,
+    OBSERVED_STATES,
+    NoiseModel,
+    StateModel,
+    Transitions,
+    navigation_dynamics,
+    noise_covariance,
+)
+from inscal.unit_effects import effect
+from inscal.wander import discrete, terms_of
+
+PRIORS = {"attitude": slice(0, 3), "velocity": slice(3, 6), "position": slice(6, 9)}
+"""Initial errors of navigation, by name."""
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Errors of the 27 final estimates, estimate less truth, per error of what goes in.
+
+    Attributes
+    ----------
+    process : ndarray, shape (updates, 27, 9)
+        Of the navigation states at the end of each update interval.
+    observation : ndarray, shape (updates, 27, OBSERVED)
+        Of each observation.
+    initial : ndarray, shape (27, 9 + n)
+        Of navigation states and modelled parameters at the start.
+    """
+
+    process: np.ndarray
+    observation: np.ndarray
+    initial: np.ndarray
+
+
+def sensitivity(transitions: Transitions, gains: Gains, model: StateModel) -> Sensitivity:
+    """Sweep backwards through all updates.
+
+    Parameters
+    ----------
+    transitions : Transitions
+    gains : Gains
+        Of the first pass.
+    model : StateModel
+
+    Returns
+    -------
+    Sensitivity
+    """
+    updates, columns = len(transitions.index), model.columns
+    states = np.concatenate([np.arange(NAVIGATION), NAVIGATION + columns])
+    gain = np.ascontiguousarray(gains.gain[:, states])
+    rows = np.zeros((COUNT, len(states)))
+    # a state is what is true less what is estimated
+    rows[columns, NAVIGATION + np.arange(len(columns))] = -1.0
+    process = np.empty((updates, COUNT, NAVIGATION))
+    observation = np.empty((updates, COUNT, OBSERVED))
+    _sweep(
+        rows,
+        transitions.navigation,
+        transitions.parameter,
+        transitions.index,
+        gain,
+        OBSERVED_STATES.start,
+        process,
+        observation,
+    )
+    return Sensitivity(process, observation, rows)
+
+
+@compiled
+def _sweep(rows, phi, parameter, index, gain, first, process, observation):
+    """Fill `process` and `observation` from the last update on; `rows` changes in place."""
+    count, n = len(rows), rows.shape[1] - NAVIGATION
+    for k in range(len(index) - 1, -1, -1):
+        observation[k] = rows @ gain[k]
+        for i in range(count):
+            for j in range(OBSERVED):
+                rows[i, first + j] -= observation[k, i, j]
+            for j in range(NAVIGATION):
+                process[k, i, j] = rows[i, j]
+        now = process[k]
+        column = parameter[index[k]]
+        for i in range(count):
+            for j in range(NAVIGATION):
+                total = 0.0
+                for m in range(NAVIGATION):
+                    total += now[i, m] * phi[m, j]
+                rows[i, j] = total
+            for j in range(n):
+                total = 0.0
+                for m in range(NAVIGATION):
+                    total += now[i, m] * column[m, j]
+                rows[i, NAVIGATION + j] += total
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Covariances of the final estimates by source, SI.
+
+    Attributes
+    ----------
+    formal : mapping of str to ndarray, shape (27, 27)
+        Of the noise and the priors that the filter believes in: its own covariance.
+    disturbances : mapping of str to ndarray, shape (27, 27)
+        Of what it knows nothing of. Of noise that is not as believed, what that adds, which is
+        negative where there is less.
+    effects : mapping of str to ndarray, shape (27, n)
+        Of one unit of each constant, signed: estimate less truth.
+    """
+
+    formal: Mapping[str, np.ndarray]
+    disturbances: Mapping[str, np.ndarray]
+    effects: Mapping[str, np.ndarray]
+
+    @cached_property
+    def formal_covariance(self) -> np.ndarray:
+        """What the filter claims, shape (27, 27)."""
+        return np.asarray(sum(self.formal.values()))
+
+    @cached_property
+    def true_covariance(self) -> np.ndarray:
+        """What is so, shape (27, 27)."""
+        return np.asarray(sum(self.disturbances.values(), self.formal_covariance))
+
+    @property
+    def expected_nees(self) -> float:
+        """Mean NEES over the modelled parameters."""
+        own = np.flatnonzero(np.diag(self.formal_covariance))
+        inside = np.ix_(own, own)
+        return float(
+            np.trace(np.linalg.solve(self.formal_covariance[inside], self.true_covariance[inside]))
+        )
+
+
+def budget(
+    transitions: Transitions,
+    gains: Gains,
+    model: StateModel,
+    noise: NoiseModel,
+    prior: InitialStd,
+    disturbed: Disturbed | None,
+    factors: Disturbance,
+) -> Budget:
+    """Error budget of a filter on a path.
+
+    Parameters
+    ----------
+    transitions : Transitions
+    gains : Gains
+        Of the first pass.
+    model : StateModel
+    noise : NoiseModel
+        That the filter believes in.
+    prior : InitialStd
+        Likewise.
+    disturbed : Disturbed or None
+        What it knows nothing of.
+    factors : Disturbance
+        Has the factors of the noise.
+
+    Returns
+    -------
+    Budget
+    """
+    found = sensitivity(transitions, gains, model)
+    formal = _formal(found, transitions, model, noise, prior)
+    disturbances = {
+        f"{name}_noise_factor": (factor**2 - 1.0) * formal[f"{name}_noise"]
+        for name in ("gyro", "accel", "velocity", "position")
+        for factor in [getattr(factors, f"{name}_noise_factor")]
+        if factor != 1.0
+    }
+    effects: dict[str, np.ndarray] = {}
+    if disturbed is not None:
+        about = disturbed.disturbance
+        weights = step_weights(found, disturbed)
+        for source in about.constants:
+            effects[source] = _of_constants(found, weights, disturbed, source)
+            size = getattr(about, source)
+            disturbances[source] = size**2 * effects[source] @ effects[source].T
+        for source in about.processes:
+            disturbances[source] = _of_process(weights, disturbed, source)
+        for name, axes in (("gyro", slice(0, 3)), ("accel", slice(3, 6))):
+            pulse = getattr(about, f"{name}_quantisation")
+            if pulse > 0.0:
+                disturbances[f"{name}_quantisation"] = _of_pulses(weights[:, :, axes], pulse)
+        if about.observation_correlation_time > 0.0:
+            kept = np.exp(-disturbed.interval / about.observation_correlation_time)
+            true = observation_covariance(true_noise(noise, factors))
+            disturbances["observation_correlation"] = _of_correlation(found, true, kept)
+    return Budget(formal, disturbances, effects)
+
+
+def _formal(
+    found: Sensitivity,
+    transitions: Transitions,
+    model: StateModel,
+    noise: NoiseModel,
+    prior: InitialStd,
+) -> dict[str, np.ndarray]:
+    out = {}
+    for name, alone in (
+        ("gyro_noise", NoiseModel(noise.gyro, 0.0, 0.0, 0.0)),
+        ("accel_noise", NoiseModel(0.0, noise.accel, 0.0, 0.0)),
+    ):
+        share = noise_covariance(transitions, alone)
+        out[name] = np.einsum("kim,mn,kjn->ij", found.process, share, found.process, optimize=True)
+    for name, place, sigma in (
+        ("velocity_noise", slice(0, 3), noise.velocity),
+        ("position_noise", slice(3, 6), noise.position),
+    ):
+        seen = sigma * found.observation[:, :, place]
+        out[name] = np.einsum("kim,kjm->ij", seen, seen, optimize=True)
+    spread = np.concatenate([prior.navigation, prior.parameter[model.columns]])
+    scaled = found.initial * spread
+    for name, place in (PRIORS | {"parameters": slice(NAVIGATION, None)}).items():
+        out[f"prior_{name}"] = scaled[:, place] @ scaled[:, place].T
+    return out
+
+
+def step_weights(found: Sensitivity, disturbed: Disturbed) -> np.ndarray:
+    """What apparent increments of each step, in body axes, do to the estimates.
+
+    Parameters
+    ----------
+    found : Sensitivity
+    disturbed : Disturbed
+
+    Returns
+    -------
+    ndarray, shape (steps, 27, 6)
+        Per rad and m/s. An increment comes at a constant rate in its step.
+    """
+    path = disturbed.path
+    steps, dynamics = path.steps, navigation_dynamics(path.site)
+    update = np.repeat(np.arange(len(found.process)), np.diff(steps.update_step))
+    left = (update + 1) * disturbed.interval - path.edges[1:]
+    kinds, kind = np.unique(
+        np.round(np.stack([steps.duration, np.maximum(left, 0.0)], axis=1), 9),
+        axis=0,
+        return_inverse=True,
+    )
+    into = np.zeros((NAVIGATION, 6))  # attitude errors are those of the axes, not of the body
+    into[range(6), range(6)] = [-1.0] * 3 + [1.0] * 3
+    out = np.empty((len(update), COUNT, 6))
+    for number, (duration, rest) in enumerate(kinds):
+        own = np.flatnonzero(kind.ravel() == number)
+        block = np.zeros((NAVIGATION + 6,) * 2)
+        block[:NAVIGATION, :NAVIGATION], block[:NAVIGATION, NAVIGATION:] = dynamics, into
+        mean = expm(block * duration)[:NAVIGATION, NAVIGATION:] / duration
+        out[own] = found.process[update[own]] @ (expm(dynamics * rest) @ mean)
+    to_ned = steps.to_body.mT / steps.duration[:, None, None]
+    out[:, :, :3] = out[:, :, :3] @ to_ned
+    out[:, :, 3:] = out[:, :, 3:] @ to_ned
+    return out
+
+
+def _of_constants(
+    found: Sensitivity, weights: np.ndarray, disturbed: Disturbed, source: str
+) -> np.ndarray:
+    unit = effect(disturbed.path, disturbed.disturbance, source)
+    rows = unit.increments.reshape(len(unit.increments), -1)
+    steady = found.observation.sum(axis=0) @ unit.observations.T
+    return np.asarray(weights.transpose(1, 0, 2).reshape(COUNT, -1) @ rows.T + steady)
+
+
+def _of_process(weights: np.ndarray, disturbed: Disturbed, source: str) -> np.ndarray:
+    total, duration = np.zeros((COUNT, COUNT)), disturbed.path.steps.duration
+    first = 3 if source.startswith("accel") else 0
+    for term in terms_of(disturbed.disturbance, source):
+        coefficients = discrete(term, duration)
+        for axis in range(first, first + 3):
+            rows = np.ascontiguousarray(weights[:, :, axis])
+            _carry(rows, coefficients, term.initial_std**2, total)
+    return total
+
+
+@compiled
+def _carry(rows, coefficients, variance, total):
+    """Add to `total` the covariance of the sum of rows times the integrals of one wandering bias.
+
+    With x' = phi x + a u and the integral I = g x + b u + c v of a step, and y' = y + row I, the
+    covariances of x and y go on as those of any linear system.
+    """
+    count = rows.shape[1]
+    both = np.zeros(count)  # covariance of x and y
+    for s in range(len(rows)):
+        phi, g, a, b, c = coefficients[s]
+        own = g * g * variance + b * b + c * c
+        for i in range(count):
+            for j in range(count):
+                cross = rows[s, i] * both[j] + rows[s, j] * both[i]
+                total[i, j] += g * cross + own * rows[s, i] * rows[s, j]
+        mixed = phi * g * variance + a * b
+        for i in range(count):
+            both[i] = phi * both[i] + mixed * rows[s, i]
+        variance = phi * phi * variance + a * a
+
+
+def _of_pulses(weights: np.ndarray, pulse: float) -> np.ndarray:
+    """Remainders are taken to be uniform within half a pulse, and independent."""
+    change = np.diff(weights, axis=0, append=np.zeros((1, *weights.shape[1:])))
+    return np.asarray(pulse**2 / 12.0 * np.einsum("sim,sjm->ij", change, change, optimize=True))
+
+
+def _of_correlation(found: Sensitivity, covariance: np.ndarray, kept: float) -> np.ndarray:
+    """What correlation of the observations' noise adds to white noise of that covariance."""
+    later, total = np.zeros((COUNT, OBSERVED)), np.zeros((COUNT, COUNT))
+    for rows in found.observation[::-1]:
+        cross = rows @ covariance @ later.T
+        total += cross + cross.T
+        later = kept * (later + rows)
+    return total

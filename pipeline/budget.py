@@ -1,0 +1,68 @@
+"""Stage `budget`: what every error is made of, and how good a laboratory must be; no simulation.
+
+Usage: ``python -m pipeline.budget [disturbance=...] [schedule=...] [noise=...] [out=FILE]``
+
+Prints of every parameter the sigma that the filter claims, the true one with the disturbances that
+it knows nothing of, and the largest sources; and of every disturbance alone the size at which sigma
+is no longer to be believed. With `out` the variances by source are written as JSON.
+
+For example::
+
+    python -m pipeline.budget disturbance=laboratory
+    python -m pipeline.budget disturbance.table_offset_mm=5 schedule=position19 out=budget.json
+
+Reads: schedule noise disturbance truth estimator out site simulation sensor bounds campaign.seed.
+"""
+
+import numpy as np
+
+from inscal.parameters import NAMES, UNITS
+from pipeline.config.schema import Config
+from pipeline.config.setup import Setup
+from pipeline.config.stage import stage
+from pipeline.console.output import write_json
+from pipeline.console.terminal import new_table, show
+from pipeline.study.budget import Sheet, sheet
+
+_SHOWN = 2
+
+
+def _show_parameters(found: Sheet) -> None:
+    table = new_table(("parameter", "unit"), ("formal", "true", "ratio", "largest sources"))
+    share = np.array(list(found.variance.values())) / found.true_std**2
+    sources = list(found.variance)
+    for i, (name, unit) in enumerate(zip(NAMES, UNITS, strict=True)):
+        formal, true = found.formal_std[i], found.true_std[i]
+        if not formal > 0.0:
+            table.add_row(name, unit, "not modelled", "", "", "")
+            continue
+        most = np.argsort(-share[:, i])[:_SHOWN]
+        said = ", ".join(f"{sources[s]} {100 * share[s, i]:.0f} %" for s in most)
+        table.add_row(name, unit, f"{formal:.3g}", f"{true:.3g}", f"{true / formal:.2f}", said)
+    show("what every error is made of", table)
+    print(f"expected NEES: {found.budget.expected_nees:.1f}")
+
+
+def _show_tolerances(found: Sheet) -> None:
+    headings = "here", "sigma to", "by", "bounds to"
+    table = new_table(("disturbance",), headings)
+    for source, (key, value) in found.size.items():
+        limits = found.tolerance(source)
+        sigma, bounds = (f"{limits[name][0]:.2g}" for name in ("sigma", "bounds"))
+        table.add_row(key, f"{value:g}", sigma, limits["sigma"][1], bounds)
+    show("each alone: the largest size at which the filter can be believed", table)
+
+
+@stage
+def main(config: Config) -> None:
+    """Print the budget and the tolerances; write the budget as JSON where `out` says."""
+    found = sheet(Setup(config))
+    _show_parameters(found)
+    if found.size:
+        _show_tolerances(found)
+    if config.out:
+        write_json(config.out, found.content(), indent=2)
+
+
+if __name__ == "__main__":
+    main()
