@@ -15,10 +15,10 @@ body axes, B the integral of C^T over the step, g gravity and w_e the Earth's ra
   1554, g-sensitive drift).
 - **Arms**: at a place r in the body the specific force is larger by dw/dt x r + w x (w x r), w the
   inertial rate (Savage, Strapdown Analytics, 2000, sec. 8.1.4). At both ends of a turn dw/dt is a
-  jump j = w x r of the velocity, in the attitude of that end. Navigation takes the force of a step
-  for steady (`inscal.navigation`) and would turn the jump by half the step's angle theta, which short
-  steps do not. So it is J(-theta) j at the start of a turn and -J(theta) j at its end (J of
-  `inscal.rotation`), of which navigation makes that very jump at any step.
+  jump j = w x r of the velocity, in the attitude of that end. Navigation takes the force of a
+  step for steady (`inscal.navigation`) and would turn the jump by half the step's angle theta,
+  which short steps do not. So it is J(-theta) j at the start of a turn and -J(theta) j at its end
+  (J of `inscal.rotation`), of which navigation makes that very jump at any step.
 - **Site**: B times the change of -g and w_e. Latitude moves both; a deflection (xi, eta) tilts
   gravity by -g xi northwards and -g eta eastwards (Heiskanen and Moritz, Physical Geodesy, 1967,
   sec. 2-22).

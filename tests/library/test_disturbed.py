@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from inscal import parameters
 from inscal.disturbance import COMPONENTS, NOTHING, PROCESSES, Disturbance, draw_constants
-from inscal.disturbed import disturb
+from inscal.disturbed import disturb, true_noise
 from inscal.estimator import Belief
 from inscal.experiment import prepare, run
 from inscal.free_inertial import fly
@@ -173,7 +173,22 @@ def test_observations_are_biased(plain):
     change = change - recorded(plain).observations
     np.testing.assert_allclose(change, np.broadcast_to(change[:1], change.shape), atol=1e-15)
     assert not change[:, 3:].any()
-    assert change[0, :3].std() == pytest.approx(0.01, rel=0.3)
+    about = Disturbance(observation_bias=0.01)
+    drawn = draw_constants(about, "observation_bias", 3, seed=9, runs=RUNS)
+    np.testing.assert_allclose(change[0, :3], drawn, atol=1e-15)
+
+
+def test_noise_factors_multiply_each_its_own_noise():
+    about = Disturbance(
+        gyro_noise_factor=2.0,
+        accel_noise_factor=3.0,
+        velocity_noise_factor=5.0,
+        position_noise_factor=7.0,
+    )
+    expected = NoiseModel(
+        2.0 * NOISE.gyro, 3.0 * NOISE.accel, 5.0 * NOISE.velocity, 7.0 * NOISE.position
+    )
+    assert true_noise(NOISE, about) == expected
 
 
 def test_true_noise_is_larger_than_believed(plain):
