@@ -55,14 +55,22 @@ class Path:
         return np.concatenate([self.steps.attitude[1:], last])
 
     @cached_property
-    def rate_change(self) -> np.ndarray:
-        """Change of the inertial rate over each step, jumps of a turn inside it, (steps, 3)."""
-        w, number = self.steps.rate, self.steps.turn
+    def earth_rate_change(self) -> np.ndarray:
+        """Change of the Earth's rate over each step, in body axes, rad/s, shape (steps, 3)."""
         start = self.steps.attitude.mT @ self.earth_rate
-        change = self.end_attitude.mT @ self.earth_rate - start
-        change += w * (np.diff(number, prepend=-1) != 0)[:, None]
-        change -= w * (np.diff(number, append=-1) != 0)[:, None]
-        return np.asarray(change)
+        return np.asarray(self.end_attitude.mT @ self.earth_rate - start)
+
+    @cached_property
+    def turn_starts(self) -> np.ndarray:
+        """Whether a turn starts with a step, shape (steps,)."""
+        number = self.steps.turn
+        return np.asarray((number >= 0) & (np.diff(number, prepend=-1) != 0))
+
+    @cached_property
+    def turn_ends(self) -> np.ndarray:
+        """Whether a turn ends with a step, shape (steps,)."""
+        number = self.steps.turn
+        return np.asarray((number >= 0) & (np.diff(number, append=-1) != 0))
 
     def mean_of(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Mean over every step of a function of the specific force, which takes (..., 3)."""

@@ -14,8 +14,11 @@ body axes, B the integral of C^T over the step, g gravity and w_e the Earth's ra
 - **Gyros**: asymmetry 1/2 \|w_i\|; g-sensitivity, rate on axis i for force on axis j (IEEE Std
   1554, g-sensitive drift).
 - **Arms**: at a place r in the body the specific force is larger by dw/dt x r + w x (w x r), w the
-  inertial rate (Savage, Strapdown Analytics, 2000, sec. 8.1.4). The integral of dw/dt over a step
-  is the change of w, the jumps at both ends of a turn included, which fall into the turn.
+  inertial rate (Savage, Strapdown Analytics, 2000, sec. 8.1.4). At both ends of a turn dw/dt is a
+  jump j = w x r of the velocity, in the attitude of that end. Navigation takes the force of a
+  step for steady (`inscal.navigation`) and would turn the jump by half the step's angle theta,
+  which short steps do not. So it is J(-theta) j at the start of a turn and -J(theta) j at its end
+  (J of `inscal.rotation`), of which navigation makes that very jump at any step.
 - **Site**: B times the change of -g and w_e. Latitude moves both; a deflection (xi, eta) tilts
   gravity by -g xi northwards and -g eta eastwards (Heiskanen and Moritz, Physical Geodesy, 1967,
   sec. 2-22).
@@ -42,6 +45,7 @@ from inscal import earth
 from inscal.disturbance import Disturbance
 from inscal.path import Path, attitude_effect, turned_otherwise
 from inscal.record import OBSERVED
+from inscal.rotation import mean_rotation
 
 DELAY_TERMS = 5
 """Terms of the delay's series: the next is below 1e-12 of f for 20 ms at 10 deg/s."""
@@ -165,17 +169,24 @@ def _g_sensitivity(path: Path) -> np.ndarray:
     return out
 
 
-def _arm(path: Path, place: np.ndarray) -> np.ndarray:
-    """Velocity increments that a place in the body adds, shape (steps, 3)."""
-    w = path.motion.angle / path.steps.duration[:, None]
-    centripetal = np.cross(w, np.cross(w, place)) * path.steps.duration[:, None]
-    return np.asarray(np.cross(path.rate_change, place) + centripetal)
+def _arm(path: Path, place: np.ndarray, felt: np.ndarray) -> np.ndarray:
+    """Velocity increments, (steps, 3), that a place adds to accelerometers, 1 where `felt`."""
+    steps = path.steps
+    w = path.motion.angle / steps.duration[:, None]
+    steady = np.cross(w, np.cross(w, place)) * steps.duration[:, None]
+    steady += np.cross(path.earth_rate_change, place)
+    turned, jump = steps.rate * steps.duration[:, None], felt * np.cross(steps.rate, place)
+    at_start = np.einsum("sij,sj->si", mean_rotation(-turned), jump)
+    at_end = np.einsum("sij,sj->si", mean_rotation(turned), jump)
+    return np.asarray(
+        felt * steady + path.turn_starts[:, None] * at_start - path.turn_ends[:, None] * at_end
+    )
 
 
 def _table_offset(path: Path) -> np.ndarray:
     out = np.zeros((3, path.motion.steps, 6))
     for m in range(3):
-        out[m, :, 3:] = _arm(path, np.eye(3)[m])
+        out[m, :, 3:] = _arm(path, np.eye(3)[m], np.ones(3))
     return out
 
 
@@ -183,7 +194,7 @@ def _off_axis(path: Path) -> np.ndarray:
     out = np.zeros((6, path.motion.steps, 6))
     for i in range(3):
         for n, j in enumerate(_OTHERS[i]):
-            out[2 * i + n, :, 3 + i] = _arm(path, np.eye(3)[j])[:, i]
+            out[2 * i + n, :, 3:] = _arm(path, np.eye(3)[j], np.eye(3)[i])
     return out
 
 

@@ -67,13 +67,23 @@ def print_summary(summary: xr.Dataset) -> None:
 
 
 def verdicts(about: Mapping[str, Any]) -> list[str]:
-    """Say how many passes runs took, what contradicts the filter, and why runs failed."""
+    """Say how many passes runs took, what contradicts the filter, and why runs failed.
+
+    Of a disturbed campaign also what its truth is.
+    """
     taken = ", ".join(f"{p} in {n} runs" for p, n in about.get("passes_taken", {}).items())
     lines = [f"passes: {taken}"] if taken else []
     if about.get("runs_contradicted"):
         lines.append(f"innovations contradict the filter in {about['runs_contradicted']} runs")
     why = Counter(about.get("failures", {}).values())
-    return [*lines, *(f"why {count} runs failed: {reason}" for reason, count in why.items())]
+    lines += [f"why {count} runs failed: {reason}" for reason, count in why.items()]
+    if about.get("disturbances"):
+        count = len(about["disturbances"])
+        lines.append(
+            f"disturbance {about['disturbance']}: {count} sources unknown to the filter; truth of "
+            "a bias that wanders is its constant part"
+        )
+    return lines
 
 
 @stage

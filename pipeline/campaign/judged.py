@@ -1,5 +1,6 @@
 """A campaign judged against its bounds, and two campaigns against each other."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import xarray as xr
 from inscal.parameters import NAMES
 from inscal.summary import compare, summarize
 from pipeline.campaign import store
-from pipeline.config.load import differences
+from pipeline.config.load import differences, disturbances
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError
@@ -61,8 +62,16 @@ def summary(config: Config, path: str | Path, campaign: xr.Dataset) -> xr.Datase
         noise=configuration["noise"],
         quadratic_unit=configuration["sensor"]["quadratic_unit"],
         failed_runs=[int(r) for r in campaign.run[campaign.status == store.FAILED]],
+        **_disturbed(configuration),
         **_verdicts(campaign),
     )
+
+
+def _disturbed(configuration: Mapping[str, Any]) -> dict[str, Any]:
+    """What truth held beyond the filter's belief; nothing of a campaign where it held no more."""
+    present = disturbances(configuration)
+    name = configuration["disturbance"]["name"]
+    return {"disturbance": name, "disturbances": present} if present else {}
 
 
 def _verdicts(campaign: xr.Dataset) -> dict[str, Any]:

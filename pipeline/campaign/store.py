@@ -21,7 +21,7 @@ import zarr
 
 from inscal.parameters import COUNT, NAMES, UNITS
 from inscal.statistics import rmse_half_width_relative
-from pipeline.config.load import resolved, run_settings
+from pipeline.config.load import resolved, run_settings, undisturbed
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError, FailedRunsError
@@ -299,7 +299,8 @@ def read(path: str | Path) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Loaded into memory.
+        Loaded into memory. Its configuration says that it is undisturbed where the store is older
+        than disturbances.
 
     Raises
     ------
@@ -309,7 +310,9 @@ def read(path: str | Path) -> xr.Dataset:
     if not Path(path).exists():
         raise DataError(f"campaign store {path}: not found; make it with pipeline.simulate")
     _attributes(Path(path))
-    return xr.load_dataset(path, engine="zarr", consolidated=False, chunks=None)
+    campaign = xr.load_dataset(path, engine="zarr", consolidated=False, chunks=None)
+    campaign.attrs["configuration"].setdefault("disturbance", dict(undisturbed()))
+    return campaign
 
 
 def done(campaign: xr.Dataset) -> xr.Dataset:

@@ -6,6 +6,8 @@ and why.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from functools import cache
+from types import MappingProxyType
 from typing import Any
 
 import hydra
@@ -16,6 +18,7 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
+from pipeline.config.disturbance import NEEDED
 from pipeline.config.messages import one_line
 from pipeline.config.rules import Rule, check
 from pipeline.config.schema import KIND_KEYS, Config
@@ -157,6 +160,30 @@ def run_settings(configuration: Mapping[str, Any]) -> dict[str, Any]:
     """What of a configuration as stores and JSON have it makes the runs, seed included."""
     groups = {name: configuration[name] for name in RUN_GROUPS}
     return groups | {"seed": configuration["campaign"]["seed"]}
+
+
+@cache
+def undisturbed() -> Mapping[str, Any]:
+    """Group `disturbance` of a truth that holds no more than the filter believes."""
+    return MappingProxyType(yaml.safe_load((CONF / "disturbance" / "none.yaml").read_text()))
+
+
+def disturbances(configuration: Mapping[str, Any]) -> list[str]:
+    """Keys of what truth holds beyond the filter's belief.
+
+    Parameters
+    ----------
+    configuration : mapping
+        As stores and JSON have it.
+
+    Returns
+    -------
+    list of str
+        Keys of the group `disturbance`, without the times and the frequency that do nothing alone.
+    """
+    usual, alone = undisturbed(), {"name", "drift_time_s", *NEEDED}
+    present = configuration["disturbance"].items()
+    return [key for key, value in present if key not in alone and value != usual[key]]
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any], prefix: str = "") -> list[str]:

@@ -12,16 +12,13 @@ from typing import Any
 import yaml
 from omegaconf import OmegaConf
 
-from pipeline.config.load import RUN_GROUPS, resolved, run_settings, typed
+from pipeline.config.load import RUN_GROUPS, resolved, run_settings, typed, undisturbed
 from pipeline.config.schema import Config
 from pipeline.console.errors import ConfigError
 from pipeline.console.help import CONF
 
 REFERENCE = "reference"
 """Name of the case that the command line configures."""
-
-UNDISTURBED = "none"
-"""Name of the disturbances of a case that is held to its filter's word."""
 
 RUNS = 128
 """Runs of the reference case; a multiple of the kernels' lanes."""
@@ -105,17 +102,12 @@ def _case(name: str, about: dict[str, Any], config: Config) -> Case:
         what = "lacks" if missing else "has the unknown key"
         raise ConfigError(f"{FILE.name}: case {name} {what} {', '.join(missing or unknown)}")
     own = {group: about[group] for group in RUN_GROUPS}
-    own["disturbance"] = _undisturbed() | own["disturbance"]
+    own["disturbance"] = {**undisturbed(), **own["disturbance"]}
     try:
         full = typed(OmegaConf.create({**resolved(config), **own}), ())
     except ConfigError as error:
         raise ConfigError(f"{FILE.name}: case {name}: {error}") from None
     return Case(name, full, tuple(Draws(*draws) for draws in about["draws"]))
-
-
-@cache
-def _undisturbed() -> dict[str, Any]:
-    return yaml.safe_load((CONF / "disturbance" / "none.yaml").read_text())
 
 
 @cache

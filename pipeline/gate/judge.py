@@ -11,13 +11,13 @@ from inscal import campaign_checks, regression
 from inscal.campaign_checks import Sample
 from inscal.parameters import GROUPS
 from inscal.regression import Judgement
-from pipeline.config.load import differences
+from pipeline.config.load import differences, disturbances, resolved
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import ConfigError, DataError
 from pipeline.gate import history
 from pipeline.gate.baseline import folder_of, read_baseline, sample_of, write_baseline
-from pipeline.gate.cases import REFERENCE, UNDISTURBED, Case, cases
+from pipeline.gate.cases import REFERENCE, Case, cases
 
 BASELINE = Path("results/baseline")
 """Folder of the committed baselines."""
@@ -63,7 +63,7 @@ def _refuse(case: Case, sample: Sample) -> None:
     failed = int((~np.isfinite(sample.error).all(axis=1)).sum())
     if failed:
         raise DataError(f"accept: {case.name}: {failed} runs diverged; they are no baseline")
-    disturbed = case.config.disturbance.name != UNDISTURBED
+    disturbed = disturbances(resolved(case.config))
     for check in campaign_checks.consistency(sample):
         if not (check.passed or disturbed):
             raise DataError(

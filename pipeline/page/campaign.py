@@ -99,7 +99,8 @@ def nees(campaigns: Sequence[Campaign]) -> Section:
                 "upper": upper,
             }
         )
-    sentence = say("nees", campaigns=texts)
+    disturbed = [campaign.name for campaign in campaigns if "disturbances" in campaign.summary]
+    sentence = say("nees", campaigns=texts, disturbed=disturbed)
     return Section("nees", pictures=[Picture(sentence, charts, "small wide")])
 
 

@@ -78,6 +78,8 @@ def _campaign(name: str, summary: Summary) -> dict[str, Any]:
         "bounds_word": findings.bounds_word(summary),
         "joint": findings.joint_text(summary),
         "honesty": honesty.honesty(summary),
+        "disturbance": summary.get("disturbance"),
+        "sources": len(summary.get("disturbances", ())),
         "sight": honesty.sight(runs, dof),
         "nees_mean": summary["nees_mean"],
         "degrees_of_freedom": dof,

@@ -5,17 +5,21 @@ import dataclasses
 import numpy as np
 import pytest
 from conftest import paper_schedule, paper_truth
+from scipy.spatial.transform import Rotation
 
 from inscal import parameters
 from inscal.disturbance import COMPONENTS, NOTHING, PROCESSES, Disturbance, draw_constants
-from inscal.disturbed import disturb
+from inscal.disturbed import disturb, true_noise
 from inscal.estimator import Belief
 from inscal.experiment import prepare, run
+from inscal.free_inertial import fly
 from inscal.kernel import LANES
 from inscal.motion import Site
 from inscal.recursion import InitialStd
+from inscal.schedule import attitudes
 from inscal.simulation import Truth, TruthModel, Workspace, simulate
 from inscal.state_model import NoiseModel
+from inscal.wander import add_process
 
 SITE = Site(np.deg2rad(39.98), 50.0)
 NOISE = NoiseModel(1.5e-7, 5e-5, 1e-3, 0.1)
@@ -169,7 +173,22 @@ def test_observations_are_biased(plain):
     change = change - recorded(plain).observations
     np.testing.assert_allclose(change, np.broadcast_to(change[:1], change.shape), atol=1e-15)
     assert not change[:, 3:].any()
-    assert change[0, :3].std() == pytest.approx(0.01, rel=0.3)
+    about = Disturbance(observation_bias=0.01)
+    drawn = draw_constants(about, "observation_bias", 3, seed=9, runs=RUNS)
+    np.testing.assert_allclose(change[0, :3], drawn, atol=1e-15)
+
+
+def test_noise_factors_multiply_each_its_own_noise():
+    about = Disturbance(
+        gyro_noise_factor=2.0,
+        accel_noise_factor=3.0,
+        velocity_noise_factor=5.0,
+        position_noise_factor=7.0,
+    )
+    expected = NoiseModel(
+        2.0 * NOISE.gyro, 3.0 * NOISE.accel, 5.0 * NOISE.velocity, 7.0 * NOISE.position
+    )
+    assert true_noise(NOISE, about) == expected
 
 
 def test_true_noise_is_larger_than_believed(plain):
@@ -189,3 +208,52 @@ def test_true_noise_is_larger_than_believed(plain):
 def test_impossible_sizes_are_refused(sizes, message):
     with pytest.raises(ValueError, match=message):
         Disturbance(**sizes)
+
+
+def test_a_unit_off_the_centre_is_navigated_along_its_arcs(plain):
+    """Strapdown navigation finds the place C r that no observation says, by kinematics alone."""
+    off = with_(plain, table_offset=0.1)
+    runs, motion = [5] * LANES, plain.motion
+    place = draw_constants(off.disturbed.disturbance, "table_offset", 3, seed=9, runs=[5])[:, 0]
+    quiet, truth = NoiseModel(0.0, 0.0, 1e-3, 0.1), np.tile(SIZE[:, None], LANES)
+    shaken = recorded(off, runs, noise=quiet)
+    assert not (shaken.observations - recorded(plain, runs, noise=quiet).observations).any()
+    flown = [
+        fly(sensors, truth, motion, SITE, every=1).position[:, :, 0]
+        for sensors in (shaken.sensors, recorded(plain, runs, noise=quiet).sensors)
+    ]
+    ends = np.cumsum(motion.duration)
+    for turned, start in ((1, 60.0), (2, 120.0), (3, 180.0)):
+        step = np.searchsorted(ends, start + 1e-6)
+        arc = ((attitudes(SCHEDULE)[turned] - attitudes(SCHEDULE)[0]) @ place)[:2]
+        np.testing.assert_allclose((flown[0] - flown[1])[step], arc, atol=4e-3)
+
+
+@pytest.mark.parametrize("run", [0, 1, 2, 3])
+def test_accelerometers_late_or_early_read_another_window(plain, run):
+    """In the midst of a turn a window's increment is that of the body turned back by the delay."""
+    (delay,) = draw_constants(
+        Disturbance(gyro_accel_delay=0.004), "gyro_accel_delay", 3, seed=9, runs=[run]
+    )[:, 0]
+    quiet, motion = NoiseModel(0.0, 0.0, 1e-3, 0.1), plain.motion
+    late = recorded(with_(plain, gyro_accel_delay=0.004), [run] * LANES, noise=quiet).sensors
+    change = (late - recorded(plain, [run] * LANES, noise=quiet).sensors)[:, 3:, 0]
+    turning = np.flatnonzero(np.abs(motion.angle).max(axis=1) > 0.01)
+    inner = turning[np.isin(turning - 1, turning) & np.isin(turning + 1, turning)]
+    rate = motion.angle[inner] / motion.duration[inner, None]
+    turned = Rotation.from_rotvec(rate * delay).apply(motion.velocity[inner])
+    expected = turned - motion.velocity[inner]
+    assert np.abs(expected).max() > 1e-4
+    # what sensors report of it is that to their scale factors
+    np.testing.assert_allclose(change[inner], expected, atol=2e-3 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("source", PROCESSES)
+def test_a_record_has_the_wander_of_its_seed_and_run(plain, source):
+    times = {"gyro_wander_time": 30.0, "accel_wander_time": 30.0}
+    about, runs = with_(plain, **{source: 1e-5}, **times), list(range(70, 70 + LANES))
+    wander = np.zeros((plain.motion.steps, 6, LANES))
+    duration = plain.motion.duration
+    add_process(wander, about.disturbed.disturbance, source, duration, seed=9, runs=runs)
+    change = recorded(about, runs).sensors - recorded(plain, runs).sensors
+    np.testing.assert_allclose(change, wander, atol=5e-3 * np.abs(wander).max())

@@ -9,6 +9,7 @@ from inscal import earth
 from inscal.disturbance import COMPONENTS, Disturbance
 from inscal.motion import Site, build_motion, cut_into_steps
 from inscal.path import Path
+from inscal.rotation import mean_rotation
 from inscal.schedule import Schedule, turns_of
 from inscal.unit_effects import DELAY_TERMS, delay_series, effect, trend
 
@@ -137,34 +138,48 @@ def test_at_rest_a_place_feels_the_earth_spin(path):
         np.testing.assert_allclose(row[s, 3:], spin, atol=1e-18)
 
 
-def test_a_turn_moves_a_point_from_one_end_of_its_arc_to_the_other(path):
-    place = np.array([0.3, -0.2, 0.5])
+@pytest.mark.parametrize("step", [0.02, 0.25, 0.5])
+def test_a_turn_takes_a_point_along_its_arc_at_any_step(step):
+    """Velocity C (w x r) of a point of the body at every step of a turn, and none before or after.
+
+    As navigation has it: in the axes at the end of a step, C J(theta)^-1 of the increment.
+    """
+    place, steps = (
+        np.array([0.3, -0.2, 0.5]),
+        cut_into_steps(SCHEDULE, **STEPS | {"turn_step": step}),
+    )
+    path = Path(steps, build_motion(SCHEDULE, SITE, **STEPS | {"turn_step": step}), SITE)
     row = np.tensordot(place, effect(path, ABOUT, "table_offset").increments, axes=1)[:, 3:]
-    own = np.flatnonzero(path.steps.turn == 1)
-    rate = path.steps.rate[own[0]]
-    velocity, moved = np.zeros(3), np.zeros(3)
-    for s in own:
-        change = row[s].copy()
-        jump = (s == own[0]) * np.cross(rate, place) - (s == own[-1]) * np.cross(rate, place)
-        dt = path.motion.duration[s]
-        middle = path.steps.attitude[s] @ Rotation.from_rotvec(0.5 * dt * rate).as_matrix()
-        velocity = velocity + (s == own[0]) * path.steps.attitude[s] @ np.cross(rate, place)
-        steady = middle @ (change - jump)
-        moved = moved + dt * (velocity + 0.5 * steady)
-        velocity = velocity + steady
-    arc = (path.steps.attitude[own[-1] + 1] - path.steps.attitude[own[0]]) @ place
-    np.testing.assert_allclose(moved, arc, atol=2e-3 * np.linalg.norm(place))
-    last = path.steps.attitude[own[-1] + 1] @ np.cross(rate, place)
-    np.testing.assert_allclose(velocity, last, atol=2e-3 * np.linalg.norm(last))
+    inverse = np.linalg.inv(mean_rotation(steps.rate * steps.duration[:, None]))
+    gained = np.einsum("sij,sjk,sk->si", path.end_attitude, inverse, row)
+    found = np.cumsum(gained, axis=0)
+    last = steps.turn != np.append(steps.turn[1:], -1)
+    expected = (path.end_attitude @ np.cross(steps.rate, place)[..., None])[..., 0]
+    expected[last] = 0.0
+    size = np.linalg.norm(expected, axis=1).max()
+    # the centripetal force turns with the body: of second order in a step; and the Earth turns
+    np.testing.assert_allclose(found, expected, atol=size * max(0.03 * step**2, 1e-3))
 
 
 def test_off_axis_arms_are_parts_of_a_displacement(path):
+    """All that accelerometers of one place feel is what each feels, and each its own axis alone."""
     whole = effect(path, ABOUT, "table_offset").increments
     rows = effect(path, ABOUT, "off_axis_lever_arm").increments
+    inside = ~(path.turn_starts | path.turn_ends)
     for i in range(3):
         for n, j in enumerate(OTHERS[i]):
-            assert not np.delete(rows[2 * i + n], 3 + i, axis=1).any()
-            np.testing.assert_array_equal(rows[2 * i + n][:, 3 + i], whole[j][:, 3 + i])
+            row = rows[2 * i + n]
+            assert not np.delete(row[inside], 3 + i, axis=1).any()
+            np.testing.assert_array_equal(row[inside][:, 3 + i], whole[j][inside][:, 3 + i])
+            # a jump along the axis, in the attitude of its end of the turn
+            for s in np.flatnonzero(~inside):
+                w, dt = path.steps.rate[s], path.motion.duration[s]
+                jump = np.cross(w, np.eye(3)[j])[i] * np.eye(3)[i]
+                turned = Rotation.from_rotvec(0.5 * dt * w * (1 if path.turn_ends[s] else -1))
+                sign = -1 if path.turn_ends[s] else 1
+                steady = np.cross(w, np.cross(w, np.eye(3)[j]))[i] * dt * np.eye(3)[i]
+                expected = sign * turned.apply(jump) + steady
+                np.testing.assert_allclose(row[s, 3:], expected, atol=1e-3 * np.linalg.norm(w))
 
 
 def test_another_site_is_a_site_elsewhere(path, parts):
