@@ -8,8 +8,10 @@ import numpy as np
 
 from inscal import earth
 from inscal.motion import Motion, Site, Steps
+from inscal.rotation import mean_rotation
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+_TAU, _SHARE = 0.5 * (1.0 + _NODES), 0.5 * _WEIGHTS
 
 
 @dataclass(frozen=True)
@@ -55,30 +57,37 @@ class Path:
         return np.concatenate([self.steps.attitude[1:], last])
 
     @cached_property
-    def earth_rate_change(self) -> np.ndarray:
-        """Change of the Earth's rate over each step, in body axes, rad/s, shape (steps, 3)."""
+    def edge_rates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rate of the table at the start and at the end of each step, rad/s, shape (steps, 3)."""
+        change = self.steps.rate * self.steps.ramp[:, None]
+        return self.steps.rate - change, self.steps.rate + change
+
+    @cached_property
+    def jumps(self) -> tuple[np.ndarray, np.ndarray]:
+        """Change of the table's rate at once, at the start and at the end of each step, rad/s.
+
+        Shape (steps, 3): where a turn without ramps begins or ends, and zero elsewhere.
+        """
+        number, at_once = self.steps.turn, self.steps.ramp == 0.0
+        starts = (np.diff(number, prepend=-1) != 0) & at_once
+        ends = (np.diff(number, append=-1) != 0) & at_once
+        return self.steps.rate * starts[:, None], -self.steps.rate * ends[:, None]
+
+    @cached_property
+    def rate_change(self) -> np.ndarray:
+        """Change of the inertial rate within each step, in body axes, rad/s, shape (steps, 3)."""
         start = self.steps.attitude.mT @ self.earth_rate
-        return np.asarray(self.end_attitude.mT @ self.earth_rate - start)
-
-    @cached_property
-    def turn_starts(self) -> np.ndarray:
-        """Whether a turn starts with a step, shape (steps,)."""
-        number = self.steps.turn
-        return np.asarray((number >= 0) & (np.diff(number, prepend=-1) != 0))
-
-    @cached_property
-    def turn_ends(self) -> np.ndarray:
-        """Whether a turn ends with a step, shape (steps,)."""
-        number = self.steps.turn
-        return np.asarray((number >= 0) & (np.diff(number, append=-1) != 0))
+        first, last = self.edge_rates
+        return np.asarray(self.end_attitude.mT @ self.earth_rate - start + last - first)
 
     def mean_of(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Mean over every step of a function of the specific force, which takes (..., 3)."""
         total = np.zeros(1)
         force = self.steps.attitude.mT @ -self.gravity
-        for node, weight in zip(_NODES, _WEIGHTS, strict=True):
-            turned = self.steps.rate * (0.5 * (1.0 + node) * self.steps.duration)[:, None]
-            total = total + 0.5 * weight * function(_turned(-turned, force))
+        for tau, share in zip(_TAU, _SHARE, strict=True):
+            part = tau - self.steps.ramp * tau * (1.0 - tau)
+            turned = self.steps.rate * (part * self.steps.duration)[:, None]
+            total = total + share * function(_turned(-turned, force))
         return np.asarray(total)
 
 
@@ -120,12 +129,16 @@ def turned_otherwise(path: Path, rate: np.ndarray) -> np.ndarray:
     ----------
     path : Path
     rate : ndarray, shape (steps, 3)
-        In body axes, constant within a step, rad/s.
+        Mean over each step, within which it changes as the table's does; in body axes, rad/s.
 
     Returns
     -------
     ndarray, shape (steps, 6)
     """
-    gain = np.einsum("sji,sj->si", path.steps.to_body, rate)
-    psi = np.cumsum(gain, axis=0) - 0.5 * gain
-    return attitude_effect(path, psi, rate * path.steps.duration[:, None])
+    steps = path.steps
+    excess = rate * steps.duration[:, None]
+    # both rates keep step, so the path does not depend on their course in time
+    turning = steps.attitude @ mean_rotation(steps.rate * steps.duration[:, None])
+    gain = np.einsum("sij,sj->si", turning, excess)
+    psi = np.cumsum(gain, axis=0) - (0.5 + steps.ramp[:, None] / 6.0) * gain
+    return attitude_effect(path, psi, excess)

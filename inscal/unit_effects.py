@@ -14,11 +14,12 @@ body axes, B the integral of C^T over the step, g gravity and w_e the Earth's ra
 - **Gyros**: asymmetry 1/2 \|w_i\|; g-sensitivity, rate on axis i for force on axis j (IEEE Std
   1554, g-sensitive drift).
 - **Arms**: at a place r in the body the specific force is larger by dw/dt x r + w x (w x r), w the
-  inertial rate (Savage, Strapdown Analytics, 2000, sec. 8.1.4). At both ends of a turn dw/dt is a
-  jump j = w x r of the velocity, in the attitude of that end. Navigation takes the force of a
-  step for steady (`inscal.navigation`) and would turn the jump by half the step's angle theta,
+  inertial rate (Savage, Strapdown Analytics, 2000, sec. 8.1.4). Where a turn begins or ends at once
+  dw/dt is a jump j = w x r of the velocity, in the attitude of that end. Navigation takes the force
+  of a step for steady (`inscal.navigation`) and would turn the jump by half the step's angle theta,
   which short steps do not. So it is J(-theta) j at the start of a turn and -J(theta) j at its end
-  (J of `inscal.rotation`), of which navigation makes that very jump at any step.
+  (J of `inscal.rotation`), of which navigation makes that very jump at any step. In a ramp dw/dt is
+  steady, and the mean of w x (w x r) has kappa^2/3 more of the table's part.
 - **Site**: B times the change of -g and w_e. Latitude moves both; a deflection (xi, eta) tilts
   gravity by -g xi northwards and -g eta eastwards (Heiskanen and Moritz, Physical Geodesy, 1967,
   sec. 2-22).
@@ -30,7 +31,8 @@ body axes, B the integral of C^T over the step, g gravity and w_e the Earth's ra
 - **Delay** of the accelerometers by d: the increment is that of a window d earlier, so it loses the
   last d of its step and gains that of the step before. Seen from its end f turns with w, so that
   what is lost is the series d f + d^2/2 w x f + ...; the rows are its terms. For d < 0 it is the
-  first \|d\| of the next step. An arm's force is not delayed with it: 1 ms of 0.6 mm/s^2.
+  first \|d\| of the next step. The rate is taken for steady within d, which in a ramp of a rad/s^2 leaves
+  out a d^3 g/6: 1e-9 m/s of 1 ms. An arm's force is not delayed with it: 1 ms of 0.6 mm/s^2.
 - **Observations**: bias of the velocity. They are of the table's centre, which rests: a delay of
   them changes nothing, wherever the unit sits.
 
@@ -172,15 +174,14 @@ def _g_sensitivity(path: Path) -> np.ndarray:
 def _arm(path: Path, place: np.ndarray, felt: np.ndarray) -> np.ndarray:
     """Velocity increments, (steps, 3), that a place adds to accelerometers, 1 where `felt`."""
     steps = path.steps
-    w = path.motion.angle / steps.duration[:, None]
-    steady = np.cross(w, np.cross(w, place)) * steps.duration[:, None]
-    steady += np.cross(path.earth_rate_change, place)
-    turned, jump = steps.rate * steps.duration[:, None], felt * np.cross(steps.rate, place)
-    at_start = np.einsum("sij,sj->si", mean_rotation(-turned), jump)
-    at_end = np.einsum("sij,sj->si", mean_rotation(turned), jump)
-    return np.asarray(
-        felt * steady + path.turn_starts[:, None] * at_start - path.turn_ends[:, None] * at_end
-    )
+    w, table = path.motion.angle / steps.duration[:, None], steps.rate
+    centripetal = np.cross(w, np.cross(w, place))
+    centripetal += steps.ramp[:, None] ** 2 / 3.0 * np.cross(table, np.cross(table, place))
+    out = felt * (centripetal * steps.duration[:, None] + np.cross(path.rate_change, place))
+    turned = table * steps.duration[:, None]
+    for jump, away in zip(path.jumps, (-turned, turned), strict=True):
+        out += np.einsum("sij,sj->si", mean_rotation(away), felt * np.cross(jump, place))
+    return np.asarray(out)
 
 
 def _table_offset(path: Path) -> np.ndarray:
@@ -282,7 +283,8 @@ def delay_series(path: Path) -> np.ndarray:
     -------
     ndarray, shape (2 * DELAY_TERMS, steps, 6)
     """
-    w, out = path.steps.rate, np.zeros((2 * DELAY_TERMS, path.motion.steps, 6))
+    out = np.zeros((2 * DELAY_TERMS, path.motion.steps, 6))
+    first, last = path.edge_rates
     end, start = path.end_attitude.mT @ -path.gravity, path.steps.attitude.mT @ -path.gravity
     factor = 1.0
     for n in range(DELAY_TERMS):
@@ -296,7 +298,7 @@ def delay_series(path: Path) -> np.ndarray:
         gained = factor * start
         after = factor * (end[-1:] if n == 0 else 0 * end[-1:])
         out[DELAY_TERMS + n, :, 3:] = np.concatenate([gained, after])[1:] - gained
-        end, start = np.cross(w, end), np.cross(-w, start)
+        end, start = np.cross(last, end), np.cross(-first, start)
     return out
 
 

@@ -227,7 +227,8 @@ def test_velocity_error_in_ramps_falls_with_the_third_power_of_the_step():
 
 
 def test_ramps_taken_for_steady_turns_are_no_rest():
-    """And of second order in the step: what choosing the step by the ramp would cost."""
-    error = [at_rest_through(RAMPED, SITE, step, knowing=False)[0] for step in (0.3, 0.1)]
-    assert error[0] > 3e-5  # m/s, of which ramps down give back most that ramps up took
-    assert error[0] / error[1] == pytest.approx(9.0, rel=0.1)
+    unknown, _ = at_rest_through(RAMPED, SITE, 0.3, knowing=False)
+    known, _ = at_rest_through(RAMPED, SITE, 0.3)
+    # at the end, when ramps to rest have given back most of what ramps from rest took
+    assert unknown > 3e-5  # m/s
+    assert unknown > 100 * known

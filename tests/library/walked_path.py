@@ -14,27 +14,30 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 @dataclass
 class Part:
-    """Rest or steady turn from one time to another, with the attitude at its start."""
+    """Rest, steady turn or ramp from one time to another, with attitude and rate at its start."""
 
     start: float
     end: float
     attitude: np.ndarray
     rate: np.ndarray
+    acceleration: np.ndarray
+
+    def rate_at(self, t):
+        return self.rate + (t - self.start) * self.acceleration
 
     def attitude_at(self, t):
-        return self.attitude @ Rotation.from_rotvec((t - self.start) * self.rate).as_matrix()
+        since = t - self.start
+        turned = since * self.rate + 0.5 * since**2 * self.acceleration
+        return self.attitude @ Rotation.from_rotvec(turned).as_matrix()
 
 
 def parts_of(schedule, rates=lambda turn, rate: rate):
-    """Parts of a schedule whose turns may have other rates."""
-    parts, attitude, turn = [], segments(schedule)[0].attitude, 0
+    """Parts of a schedule whose turns may have other rates: a linear function of the planned."""
+    parts, attitude = [], segments(schedule)[0].attitude
     for planned in segments(schedule):
-        rate, start, end = planned.rate, planned.start, planned.end
-        if rate.any():
-            rate = rates(turn, rate)
-            turn += 1
-        parts.append(Part(start, end, attitude, rate))
-        attitude = parts[-1].attitude_at(end)
+        both = (rates(planned.turn, x) for x in (planned.rate, planned.acceleration))
+        parts.append(Part(planned.start, planned.end, attitude, *both))
+        attitude = parts[-1].attitude_at(planned.end)
     return parts
 
 
@@ -59,6 +62,6 @@ def seen(site, *, gravity=None, earth_rate=None):
 
     def function(t, part):
         to_body = part.attitude_at(t).T
-        return np.concatenate([part.rate + to_body @ w, to_body @ -g])
+        return np.concatenate([part.rate_at(t) + to_body @ w, to_body @ -g])
 
     return function
