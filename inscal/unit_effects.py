@@ -31,8 +31,9 @@ body axes, B the integral of C^T over the step, g gravity and w_e the Earth's ra
 - **Delay** of the accelerometers by d: the increment is that of a window d earlier, so it loses the
   last d of its step and gains that of the step before. Seen from its end f turns with w, so that
   what is lost is the series d f + d^2/2 w x f + ...; the rows are its terms. For d < 0 it is the
-  first \|d\| of the next step. The rate is taken for steady within d, which in a ramp of a rad/s^2 leaves
-  out a d^3 g/6: 1e-9 m/s of 1 ms. An arm's force is not delayed with it: 1 ms of 0.6 mm/s^2.
+  first \|d\| of the next step. The rate is taken for steady within d, which in a ramp of a rad/s^2
+  leaves out a d^3 g/6: below 1e-9 m/s of 1 ms. An arm's force is not delayed with it: 1 ms of 0.6
+  mm/s^2.
 - **Observations**: bias of the velocity. They are of the table's centre, which rests: a delay of
   them changes nothing, wherever the unit sits.
 

@@ -181,6 +181,14 @@ def turns_at_twenty_degrees_a_second(patch):
         )
 
 
+def ramps_taken_for_steady_turns(patch):
+    def change(original, *arguments, **options):
+        made = original(*arguments, **options)
+        return replace(made, ramp=np.zeros_like(made.ramp))
+
+    _wrap(patch, experiment, "build_motion", change)
+
+
 def posture_north_east_down(patch):
     for owner in (motion, schedule):
         _wrap(

@@ -138,6 +138,7 @@ PLANTED = [
     (planted.negative_turns_positive_in_filter, "south", "failed"),
     (planted.half_turns_rounded, "pole", "claimed sigma of gyro_bias_y over the baseline's"),
     (planted.turns_at_twenty_degrees_a_second, "often", "lever_arm"),
+    (planted.ramps_taken_for_steady_turns, "south", "gyro_k"),
     (planted.posture_north_east_down, "states33_quadratic", "accel_k"),
     (planted.seed_ignored, "south", "likeness of two runs"),
     (planted.runs_wrap_at_256, "south", "likeness of two runs"),
