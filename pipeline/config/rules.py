@@ -187,6 +187,7 @@ _OPTIONAL_RULES: dict[str, Rule] = {
     "a": STORE,
     "b": STORE,
     "campaigns": STORES,
+    "growth": (lambda v: _is_number(v) and v > 1, "null, or a finite number > 1"),
     "accept": REASON,
 }
 """Rules of keys that may be null."""

@@ -262,6 +262,8 @@ bounds : object
         Stores to compare.
     campaigns : list of str or None
         Stores to report on, the main one first.
+    growth : float or None
+        How much disturbances are to let an RMSE grow, one by one.
     accept : str or None
         Why the gate's new baseline is accepted.
     """
@@ -282,4 +284,5 @@ bounds : object
     a: str | None = None
     b: str | None = None
     campaigns: list[str] | None = None
+    growth: float | None = None
     accept: str | None = None
