@@ -102,6 +102,9 @@ CASES = {
     "predict": [*SHORT],
     "observe": [*SHORT],
     "budget": [*SHORT, "disturbance=laboratory"],
+    "disturbances": [
+        *(*SHORT, "disturbance.accel_drift_ug=3", "campaign.store=drifting", "out=drifting.json")
+    ],
     "summarize": ["campaign.store=campaign"],
     "compare": ["a=campaign", "b=campaign"],
     "paper_effects": ["effects.duration_s=60"],
