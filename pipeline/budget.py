@@ -4,7 +4,9 @@ Usage: ``python -m pipeline.budget [disturbance=...] [schedule=...] [noise=...] 
 
 Prints of every parameter the sigma that the filter claims, the true one with the disturbances that
 it knows nothing of, and the largest sources; and of every disturbance alone the size at which sigma
-is no longer to be believed. With `out` the variances by source are written as JSON.
+is no longer to be believed. With `out` the variances by source are written as JSON, and beside it
+under the same name a page (.md), its picture (.png) and tables: shares (.csv), ``_sensitivity.csv``
+and ``_tolerances.csv``.
 
 For example::
 
@@ -14,15 +16,21 @@ For example::
 Reads: schedule noise disturbance truth estimator out site simulation sensor bounds campaign.seed.
 """
 
+from pathlib import Path
+
 import numpy as np
 
 from inscal.parameters import NAMES, UNITS
+from pipeline.charts import style
+from pipeline.charts.budget import contributions
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
-from pipeline.console.output import write_json
+from pipeline.console.errors import ConfigError
+from pipeline.console.output import write_json, write_text
 from pipeline.console.terminal import new_table, show
 from pipeline.study.budget import Sheet, sheet
+from pipeline.study.budget_page import csv, page, sensitivities, shares, tolerances
 
 _SHOWN = 2
 
@@ -55,13 +63,24 @@ def _show_tolerances(found: Sheet) -> None:
 
 @stage
 def main(config: Config) -> None:
-    """Print the budget and the tolerances; write the budget as JSON where `out` says."""
+    """Print the budget and the tolerances; write all of it where `out` says."""
+    if config.out and Path(config.out).suffix != ".json":
+        raise ConfigError(f"out = {config.out!r}: must be a JSON file; the page goes beside it")
     found = sheet(Setup(config))
     _show_parameters(found)
     if found.size:
         _show_tolerances(found)
     if config.out:
-        write_json(config.out, found.content())
+        _write(config, found, Path(config.out))
+
+
+def _write(config: Config, found: Sheet, path: Path) -> None:
+    write_json(path, found.content())
+    tables = {"": shares, "_sensitivity": sensitivities, "_tolerances": tolerances}
+    for ending, table in tables.items():
+        write_text(path.with_name(f"{path.stem}{ending}.csv"), csv(table(found)))
+    style.save(contributions(found.variance, list(found.budget.formal)), path.with_suffix(".png"))
+    write_text(path.with_suffix(".md"), page(config, found, path.stem))
 
 
 if __name__ == "__main__":

@@ -60,12 +60,15 @@ FURTHER = {
     "innovations": ["tests/library/test_convergence.py", "tests/proof/test_consistency.py"],
     "directions": ["tests/library/test_schedule.py"],
     "effects": ["tests/paper/test_paper_experiments.py"],
+    "disturbance": ["tests/library/test_disturbed.py", "tests/library/test_unit_effects.py"],
+    "path": ["tests/library/test_unit_effects.py"],
+    "budget": ["tests/test_budget_stage.py"],
 }
 """Tests of a module beside the file of its name."""
 
 OFF_THE_GATE = {
-    *("comparison_statistics", "effects", "free_inertial", "information", "innovations"),
-    *("observability", "summary"),
+    *("budget", "chance", "comparison_statistics", "effects", "free_inertial", "information"),
+    *("innovations", "observability", "summary"),
 }
 """Modules that the gate imports nothing of."""
 
@@ -77,6 +80,7 @@ ON_TOP = {
     "regression": ["tests/gate/test_verdicts.py", "tests/gate/test_cases.py"],
     "campaign_checks": ["tests/gate/test_verdicts.py", "tests/gate/test_cases.py"],
     "statistics": ["tests/gate/test_gate_statistics.py"],
+    "chance": ["tests/proof/test_power.py"],
 }
 """Tests of what builds on a module, where they are not of the library."""
 

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
 from campaigns import run_stage
 
@@ -46,3 +47,39 @@ def test_at_its_tolerance_a_disturbance_has_the_effect_that_it_may_have():
     ratio = again.true_std / again.formal_std
     assert ratio[place] == pytest.approx(MOST, rel=1e-6)
     assert ratio.max() == pytest.approx(MOST, rel=1e-6)
+
+
+def test_tables_and_page_beside_the_file_are_the_budget(tmp_path):
+    out = tmp_path / "mine.json"
+    sizes = "disturbance.gravity_mgal=2", "disturbance.table_offset_mm=3"
+    assert run_stage(budget, *PATH, *sizes, f"out={out}").code == 0
+    found = json.loads(out.read_text())
+    made = sheet(Setup(load([*PATH, *sizes])))
+    shares = pd.read_csv(tmp_path / "mine.csv")
+    np.testing.assert_allclose(shares.groupby("parameter").share.sum(), 1.0, rtol=1e-4)
+    largest = shares[(shares["rank"] == 1) & (shares.parameter == "lever_arm_z")]
+    at = np.array(found["variance"])[:, NAMES.index("lever_arm_z")]
+    assert largest.source.item() == found["source"][int(at.argmax())]
+    assert largest.variance.item() == pytest.approx(at.max(), rel=1e-5)
+    effects = pd.read_csv(tmp_path / "mine_sensitivity.csv")
+    for source, (key, size) in made.size.items():
+        own = effects[effects.key == key].pivot(index="component", columns="parameter")["effect"]
+        variance = np.square(size * own[list(NAMES)]).sum()
+        np.testing.assert_allclose(variance, made.variance[source], rtol=1e-4, atol=1e-12)
+    # more gravity than believed is a scale factor of all accelerometers: 1 mGal is 1.02 ppm of g
+    gravity = effects[(effects.key == "gravity_mgal")].set_index("parameter").effect
+    for name in ("accel_k11", "accel_k22", "accel_k33"):
+        assert abs(gravity[name]) == pytest.approx(1.02, abs=0.02)
+    allowed = pd.read_csv(tmp_path / "mine_tolerances.csv").set_index("key")
+    sigma, _ = made.tolerance("gravity")["sigma"]
+    assert allowed.sigma["gravity_mgal"] == pytest.approx(sigma, rel=1e-4)
+    page = (tmp_path / "mine.md").read_text()
+    assert "| `table_offset_mm` | `lever_arm_" in page
+    assert (tmp_path / "mine.png").stat().st_size > 10_000
+
+
+def test_budgets_are_written_as_json(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ended = run_stage(budget, *PATH, "out=budget.csv")
+    assert (ended.code, "must be a JSON file" in ended.err) == (2, True)
+    assert not list(tmp_path.iterdir())

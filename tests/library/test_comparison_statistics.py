@@ -87,10 +87,12 @@ def test_intervals_are_those_of_a_loop_over_resampled_runs():
     np.testing.assert_allclose(result.simultaneous_upper, np.exp(value + critical * se))
 
 
-def test_blocks_of_resamples_change_nothing(monkeypatch):
+@pytest.mark.parametrize("weights", [40 * 7, 7])
+def test_blocks_of_resamples_change_nothing(monkeypatch, weights):
+    """Not even where so many runs leave room for less than one resample."""
     a, b = paired(np.random.default_rng(12), 40, 1.3)
     whole = compare(a, b)
-    monkeypatch.setattr(comparison, "_BLOCK_WEIGHTS", 40 * 7)
+    monkeypatch.setattr(comparison, "_BLOCK_WEIGHTS", weights)
     np.testing.assert_allclose(compare(a, b).simultaneous_lower, whole.simultaneous_lower)
 
 
