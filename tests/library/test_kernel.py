@@ -151,6 +151,18 @@ def test_where_nothing_can_be_written_kernels_work_and_that_is_said_once(copied)
     assert used(copied, **nowhere)[0] != before
 
 
+def test_code_is_kept_where_there_is_a_file_of_it(tmp_path, monkeypatch):
+    folder = tmp_path / "cache"
+    folder.mkdir()
+    monkeypatch.setattr(kernel, "configure", lambda: folder)
+    assert not kernel.is_compiled("calibrator")
+    (folder / "calibrator.calibrate-9.py311.1.nbc").touch()
+    assert kernel.is_compiled("calibrator")
+    assert not kernel.is_compiled("simulation")
+    monkeypatch.setattr(kernel, "configure", lambda: None)
+    assert not kernel.is_compiled("calibrator")
+
+
 def test_digest_tells_modules_apart():
     assert source_digest(["earth"]) != source_digest(["rotation"])
     assert source_digest() == source_digest(RUN_MODULES)

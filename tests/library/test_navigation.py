@@ -8,7 +8,13 @@ from scipy.spatial.transform import Rotation
 from inscal import earth, navigation
 from inscal.motion import Site, build_motion
 from inscal.navigation import advance, rotate_left, site_constants, straightened
-from inscal.rotation import skew
+from inscal.rotation import (
+    MAX_STEP_ANGLE,
+    mean_rotation,
+    mean_rotation_of_ramp,
+    ramp_terms,
+    skew,
+)
 from inscal.schedule import Schedule, attitudes, turns_of
 
 SITE = Site(np.deg2rad(39.98), 50.0)
@@ -232,3 +238,18 @@ def test_ramps_taken_for_steady_turns_are_no_rest():
     # at the end, when ramps to rest have given back most of what ramps from rest took
     assert unknown > 3e-5  # m/s
     assert unknown > 100 * known
+
+
+@pytest.mark.parametrize("ramp", [1.0, -1.0, 0.4])
+def test_increments_of_a_ramp_become_those_of_a_steady_turn(ramp):
+    """J(theta) J'^-1 of the largest step to rounding, where the Earth does not turn."""
+    turned, velocity = np.array([0.12, -0.16, 0.15]), np.array([2.0, -5.0, 8.0])
+    assert np.linalg.norm(turned) == pytest.approx(MAX_STEP_ANGLE)
+    state, calm = still(np.eye(3)), (0.0,) * len(site_constants(SITE))
+    terms = ramp_terms(np.array([ramp]))
+    angle, found = straightened(state, 0, 0, tuple(turned), tuple(velocity), 0.5, calm, terms, 0)
+    # a turn that runs backwards is J' from its other end
+    bent = mean_rotation_of_ramp(turned[None], np.array([-ramp]))[0]
+    expected = mean_rotation(turned) @ np.linalg.solve(bent, velocity)
+    np.testing.assert_allclose(angle, turned, atol=1e-17)
+    np.testing.assert_allclose(found, expected, atol=2e-12)
