@@ -10,6 +10,7 @@ import pytest
 from numba import njit
 
 import inscal
+from inscal import kernel
 from inscal.kernel import (
     CACHE_LINE,
     RUN_MODULES,
