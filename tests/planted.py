@@ -111,10 +111,10 @@ def earth_rate_missing_in_truth(patch):
 
 
 def midpoint_rule_in_turns(patch):
-    def middle(rotation):
+    def middle(rotation, ramp):
         return Rotation.from_rotvec(rotation / 2).as_matrix()
 
-    patch.setattr(motion, "mean_rotation", middle)
+    patch.setattr(motion, "mean_rotation_of_ramp", middle)
     return reference()
 
 

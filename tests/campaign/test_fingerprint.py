@@ -89,7 +89,15 @@ def test_every_setting_is_known_to_matter_or_not():
     }
     keys -= {"estimator.initial_std"}
     assert keys <= changed
-    assert settings.keys() - groups.keys() == {"only_run", "out", "a", "b", "campaigns", "accept"}
+    assert settings.keys() - groups.keys() == {
+        "only_run",
+        "out",
+        "a",
+        "b",
+        "campaigns",
+        "accept",
+        "growth",
+    }
 
 
 def test_fingerprint_changes_with_the_source_of_what_a_run_needs(tmp_path, monkeypatch):
