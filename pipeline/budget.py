@@ -18,8 +18,6 @@ Reads: schedule noise disturbance truth estimator out site simulation sensor bou
 
 from pathlib import Path
 
-import numpy as np
-
 from inscal.parameters import NAMES, UNITS
 from pipeline.charts import style
 from pipeline.charts.budget import contributions
@@ -37,15 +35,12 @@ _SHOWN = 2
 
 def _show_parameters(found: Sheet) -> None:
     table = new_table(("parameter", "unit"), ("formal", "true", "ratio", "largest sources"))
-    share = np.array(list(found.variance.values())) / found.true_std**2
-    sources = list(found.variance)
     for i, (name, unit) in enumerate(zip(NAMES, UNITS, strict=True)):
         formal, true = found.formal_std[i], found.true_std[i]
         if not formal > 0.0:
             table.add_row(name, unit, "not modelled", "", "", "")
             continue
-        most = np.argsort(-share[:, i])[:_SHOWN]
-        said = ", ".join(f"{sources[s]} {100 * share[s, i]:.0f} %" for s in most)
+        said = ", ".join(f"{s} {100 * share:.0f} %" for s, share in found.largest(i, _SHOWN))
         table.add_row(name, unit, f"{formal:.3g}", f"{true:.3g}", f"{true / formal:.2f}", said)
     show("what every error is made of", table)
     print(f"expected NEES: {found.budget.expected_nees:.1f}")
@@ -54,10 +49,9 @@ def _show_parameters(found: Sheet) -> None:
 def _show_tolerances(found: Sheet) -> None:
     headings = "here", "sigma to", "by", "bounds to"
     table = new_table(("disturbance",), headings)
-    for source, (key, value) in found.size.items():
-        limits = found.tolerance(source)
-        sigma, bounds = (f"{limits[name][0]:.2g}" for name in ("sigma", "bounds"))
-        table.add_row(key, f"{value:g}", sigma, limits["sigma"][1], bounds)
+    for _, row in tolerances(found).iterrows():
+        sigma, bounds = f"{row['sigma']:.2g}", f"{row['bounds']:.2g}"
+        table.add_row(row["key"], f"{row['size']:g}", sigma, row["sigma_by"], bounds)
     show("each alone: the largest size at which the filter can be believed", table)
 
 

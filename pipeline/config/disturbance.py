@@ -142,6 +142,9 @@ NEEDED = {
 }
 """Keys that must be above zero where another is."""
 
+IDLE = ("drift_time_s", *NEEDED)
+"""Keys that do nothing alone."""
+
 
 def size_of(key: str) -> tuple[str, float]:
     """Field of `inscal.disturbance.Disturbance` that a key is of, and its unit in SI."""

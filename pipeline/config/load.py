@@ -18,7 +18,7 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from pipeline.config.disturbance import NEEDED
+from pipeline.config.disturbance import IDLE
 from pipeline.config.messages import one_line
 from pipeline.config.rules import Rule, check
 from pipeline.config.schema import KIND_KEYS, Config
@@ -181,9 +181,8 @@ def disturbances(configuration: Mapping[str, Any]) -> list[str]:
     list of str
         Keys of the group `disturbance`, without the times and the frequency that do nothing alone.
     """
-    usual, alone = undisturbed(), {"name", "drift_time_s", *NEEDED}
-    present = configuration["disturbance"].items()
-    return [key for key, value in present if key not in alone and value != usual[key]]
+    usual, present = undisturbed(), configuration["disturbance"].items()
+    return [key for key, value in present if key not in ("name", *IDLE) and value != usual[key]]
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any], prefix: str = "") -> list[str]:

@@ -1,7 +1,7 @@
 """The error budget of a configuration in paper units: its table, its file, and tolerances."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -61,6 +61,23 @@ class Sheet:
         """Sigma that its errors have, in paper units."""
         return np.sqrt(np.diag(self.budget.true_covariance)) / self.unit
 
+    @cached_property
+    def share(self) -> np.ndarray:
+        """Of each source in the true variance, shape (sources, 27); 0 of what is not modelled."""
+        variance, total = np.array(list(self.variance.values())), self.true_std**2
+        return np.divide(variance, total, out=np.zeros_like(variance), where=total > 0.0)
+
+    def largest(self, place: int, count: int) -> list[tuple[str, float]]:
+        """Sources of the largest shares in the variance of one parameter, with these."""
+        sources, share = list(self.variance), self.share[:, place]
+        return [(sources[s], float(share[s])) for s in np.argsort(-share, kind="stable")[:count]]
+
+    def alone(self, *sources: str) -> "Sheet":
+        """Budget with no other disturbances than some of those here: their effects add up."""
+        every = self.budget.disturbances
+        left = {source: every[source] for source in sources if source in every}
+        return replace(self, budget=replace(self.budget, disturbances=left))
+
     def content(self) -> dict[str, object]:
         """What is written as JSON."""
         return {
@@ -88,18 +105,37 @@ class Sheet:
             value in the unit of the key, infinite where nothing is moved.
         """
         _, value = self.size[source]
-        formal, added = self.formal_std**2, self.variance[source] / value**2
-        allowed = (self.bound / normal_quantile(ENOUGH)) ** 2 - formal
+        allowed = (self.bound / normal_quantile(ENOUGH)) ** 2 - self.formal_std**2
         # a bound that the formal sigma misses already says nothing of the laboratory
-        limits = {"bounds": np.where(allowed > 0.0, allowed, np.inf)}
-        limits["sigma"] = np.where(formal > 0.0, (MOST**2 - 1.0) * formal, np.inf)
-        out = {}
-        for name, limit in limits.items():
-            with np.errstate(divide="ignore", invalid="ignore"):
-                largest = np.sqrt(np.where(added > 0.0, limit / added, np.inf))
-            place = int(np.argmin(largest))
-            out[name] = float(largest[place]), NAMES[place]
-        return out
+        kept = self._room(source, np.where(allowed > 0.0, allowed, np.inf))
+        limits = {"bounds": kept, "sigma": self.room(source, MOST)}
+        return {name: (value * np.sqrt(room), by) for name, (room, by) in limits.items()}
+
+    def room(self, source: str, growth: float) -> tuple[float, str]:
+        """How many times the variance of a source fits before a true sigma has grown by a factor.
+
+        Parameters
+        ----------
+        source : str
+            Alone.
+        growth : float
+            True over formal sigma, above one.
+
+        Returns
+        -------
+        room : float
+            Infinite where nothing is moved.
+        parameter : str
+            That sets it.
+        """
+        formal = self.formal_std**2
+        return self._room(source, np.where(formal > 0.0, (growth**2 - 1.0) * formal, np.inf))
+
+    def _room(self, source: str, limit: np.ndarray) -> tuple[float, str]:
+        added = self.variance[source]
+        times = np.divide(limit, added, out=np.full_like(added, np.inf), where=added > 0.0)
+        place = int(np.argmin(times))
+        return float(times[place]), NAMES[place]
 
 
 def sheet(setup: Setup) -> Sheet:

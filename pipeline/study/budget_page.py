@@ -31,10 +31,7 @@ def shares(found: Sheet) -> pd.DataFrame:
         Columns parameter, unit, source, key and size (of disturbances that have one), variance (in
         paper units squared), share of the true variance, and rank within the parameter from 1.
     """
-    sources = list(found.variance)
-    variance = np.array(list(found.variance.values())).T
-    total = np.square(found.true_std)[:, None]
-    share = np.divide(variance, total, out=np.zeros_like(variance), where=total > 0.0)
+    sources, share = list(found.variance), found.share.T
     rank = 1 + np.argsort(np.argsort(-share, axis=1, kind="stable"), axis=1, kind="stable")
     sized = [found.size.get(source, ("", np.nan)) for source in sources]
     return pd.DataFrame(
@@ -44,7 +41,7 @@ def shares(found: Sheet) -> pd.DataFrame:
             "source": np.tile(sources, len(NAMES)),
             "key": np.tile([key for key, _ in sized], len(NAMES)),
             "size": np.tile([size for _, size in sized], len(NAMES)),
-            "variance": variance.ravel(),
+            "variance": np.array(list(found.variance.values())).T.ravel(),
             "share": share.ravel(),
             "rank": rank.ravel(),
         }
@@ -138,14 +135,12 @@ def page(config: Config, found: Sheet, name: str) -> str:
 
 
 def _parameter_rows(found: Sheet) -> list[tuple[str, ...]]:
-    table = shares(found)
     rows: list[tuple[str, ...]] = []
     for i, name in enumerate(NAMES):
         formal, true = found.formal_std[i], found.true_std[i]
         if not formal > 0.0:
             continue
-        own = table[table.parameter == name].nsmallest(_SHOWN, "rank")
-        most = ", ".join(f"{s} {md.percent(x)}" for s, x in zip(own.source, own.share, strict=True))
+        most = ", ".join(f"{s} {md.percent(share)}" for s, share in found.largest(i, _SHOWN))
         ratio = f"{true / formal:.2f}"
         rows.append((md.code(name), UNITS[i], most, f"{formal:.3g}", f"{true:.3g}", ratio))
     return rows

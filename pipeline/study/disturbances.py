@@ -9,7 +9,7 @@ import numpy as np
 
 from inscal.parameters import NAMES
 from pipeline.campaign import judged
-from pipeline.config.disturbance import KEYS, NEEDED
+from pipeline.config.disturbance import IDLE, KEYS, size_of
 from pipeline.config.load import disturbances, resolved, undisturbed
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
@@ -21,12 +21,13 @@ from pipeline.words import markdown as md
 from pipeline.words.render import render
 
 _TEMPLATES = Path(__file__).parent / "templates"
-_TIMES = {"drift_time_s", *NEEDED}
 NONE, ALL = "none", "all"
 """Names of the campaigns without disturbances, and with all of them."""
 ALLOWED = 3.0
 """Standard errors that the RMSE of a parameter may lie from its budget."""
 _ENDS = ("", "_lower", "_upper")
+_FACTOR = "_noise_factor"
+_CALLED = {"observation_correlation_time_s": "observation_correlation"}  # has no size that scales
 
 
 @dataclass(frozen=True)
@@ -70,16 +71,19 @@ def plans(config: Config) -> list[Plan]:
             f"disturbance = {config.disturbance.name}: has no disturbance; choose one that has, "
             "such as disturbance=laboratory"
         )
-    one_by_one = [_sized(config, key) for key in keys]
+    sizes = {key: getattr(config.disturbance, key) for key in keys}
+    if config.growth is not None:
+        alone = _alone(config, sizes)
+        sizes = {key: grown(alone[key], key, sizes[key], config.growth) for key in keys}
     return [
         Plan(NONE, None, _with(config, NONE, {})),
-        *one_by_one,
-        Plan(ALL, None, _with(config, ALL, {plan.name: plan.size for plan in one_by_one})),
+        *(Plan(key, size, _with(config, key, {key: size})) for key, size in sizes.items()),
+        Plan(ALL, None, _with(config, ALL, sizes)),
     ]
 
 
 def _with(config: Config, name: str, sizes: Mapping[str, Any]) -> Config:
-    about = {key: undisturbed()[key] for key in KEYS if key not in _TIMES} | dict(sizes)
+    about = {key: undisturbed()[key] for key in KEYS if key not in IDLE} | dict(sizes)
     return replace(
         config,
         disturbance=replace(config.disturbance, name=name, **about),
@@ -87,13 +91,22 @@ def _with(config: Config, name: str, sizes: Mapping[str, Any]) -> Config:
     )
 
 
-def _sized(config: Config, key: str) -> Plan:
-    size = getattr(config.disturbance, key)
-    alone = _with(config, key, {key: size})
-    if config.growth is not None:
-        size = grown(sheet(Setup(alone)), key, size, config.growth)
-        alone = _with(config, key, {key: size})
-    return Plan(key, size, alone)
+def _alone(config: Config, sizes: Mapping[str, float]) -> dict[str, Sheet]:
+    """Budgets with each disturbance alone.
+
+    One has them all, but for what correlated noise does, which depends on how large the noise is.
+    """
+    out: dict[str, Sheet] = {}
+    for of_noise in (False, True):
+        some = {k: size for k, size in sizes.items() if k.endswith(_FACTOR) == of_noise}
+        every = sheet(Setup(_with(config, ALL, some)))
+        out |= {key: every.alone(_source(key)) for key in some}
+    return out
+
+
+def _source(key: str) -> str:
+    """What a budget calls the disturbance of a key."""
+    return _CALLED.get(key, size_of(key)[0])
 
 
 def grown(alone: Sheet, key: str, size: float, growth: float) -> float:
@@ -115,15 +128,13 @@ def grown(alone: Sheet, key: str, size: float, growth: float) -> float:
     float
         `size` as it is where the disturbance does nothing, or has no size that scales.
     """
-    formal = alone.formal_std**2
-    added = alone.true_std**2 - formal
-    share = np.divide(added, formal, out=np.zeros_like(added), where=formal > 0.0).max()
-    if share <= 0.0 or key == "observation_correlation_time_s":
+    source = _source(key)
+    room = alone.room(source, growth)[0] if source in alone.variance else np.inf
+    if key in _CALLED or not np.isfinite(room):
         return size
-    more = (growth**2 - 1.0) / share
-    if key.endswith("_noise_factor"):  # adds by its square less one
-        return float(np.sqrt(1.0 + more * (size**2 - 1.0)))
-    return float(size * np.sqrt(more))
+    if key.endswith(_FACTOR):  # adds by its square less one
+        return float(np.sqrt(1.0 + room * (size**2 - 1.0)))
+    return float(size * np.sqrt(room))
 
 
 def content(config: Config, planned: Sequence[Plan]) -> dict[str, Any]:
@@ -139,7 +150,10 @@ def content(config: Config, planned: Sequence[Plan]) -> dict[str, Any]:
     -------
     dict
     """
-    rows = [_row(plan) for plan in planned]
+    alone = _alone(config, {plan.name: plan.size for plan in planned if plan.size is not None})
+    every = sheet(Setup(planned[-1].config))
+    made = alone | {NONE: every.alone(), ALL: every}
+    rows = [_row(plan, made[plan.name]) for plan in planned]
     runs = config.campaign.runs
     return {
         "schedule": config.schedule.name,
@@ -153,9 +167,8 @@ def content(config: Config, planned: Sequence[Plan]) -> dict[str, Any]:
     }
 
 
-def _row(plan: Plan) -> dict[str, Any]:
+def _row(plan: Plan, made: Sheet) -> dict[str, Any]:
     found = judged.summary_of(plan.config, plan.config.campaign.store)
-    made = sheet(Setup(plan.config))
     modelled = np.flatnonzero(made.formal_std > 0.0)
     runs = int(found.runs_done)
     ratio = (found.rmse.to_numpy() / made.true_std)[modelled]
