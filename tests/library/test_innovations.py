@@ -13,6 +13,7 @@ from inscal.innovations import (
     autocorrelation,
     innovation_statistics,
     share_beyond_band,
+    units_told,
     white_band,
     whiten,
 )
@@ -70,6 +71,16 @@ def test_statistics_are_those_of_the_runs_courses(experiment, taken, place):
                 expected = (early * late).sum(axis=0) / np.sqrt(power)
                 found = taken.autocorrelation[number, row, column, :, place]
                 np.testing.assert_allclose(found, expected, rtol=1e-8)
+
+
+def test_a_later_pass_lacks_what_the_first_has_learnt(experiment, taken):
+    first = experiment.estimator.first
+    prior = np.concatenate([STD.parameter, STD.attitude])
+    left = np.linalg.eigvalsh(first.covariance / np.outer(prior, prior))  # of a unit, by direction
+    told = [units_told(experiment.estimator, number) for number in range(3)]
+    np.testing.assert_allclose(told, [0.0, (1.0 - left).sum(), (1.0 - left).sum()], rtol=1e-9)
+    lack = taken.nis[0].sum(axis=0) - taken.nis[1].sum(axis=0)  # of the same records
+    assert abs(lack.mean() - told[1]) < 4.0 * lack.std() / np.sqrt(len(RUNS))
 
 
 def test_whitened_innovations_have_unit_covariance():
