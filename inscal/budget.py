@@ -18,12 +18,11 @@ disturbance adds E c, E being the sum of M times what it does to navigation. Bia
 carried along with the sum of M times their integrals (`inscal.wander`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import expm
 
 from inscal.disturbance import Disturbance
 from inscal.disturbed import Disturbed, true_noise
@@ -31,16 +30,15 @@ from inscal.kernel import compiled
 from inscal.parameters import COUNT
 from inscal.record import OBSERVED
 from inscal.recursion import Gains, InitialStd, observation_covariance
+from inscal.response import ConstantsResponse, Response, of_constants, response
 from inscal.state_model import (
     NAVIGATION,
     OBSERVED_STATES,
     NoiseModel,
     StateModel,
     Transitions,
-    navigation_dynamics,
     noise_covariance,
 )
-from inscal.unit_effects import effect
 from inscal.wander import discrete, terms_of
 
 PRIORS = {"attitude": slice(0, 3), "velocity": slice(3, 6), "position": slice(6, 9)}
@@ -49,15 +47,15 @@ PRIORS = {"attitude": slice(0, 3), "velocity": slice(3, 6), "position": slice(6,
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Errors of the 27 final estimates, estimate less truth, per error of what goes in.
+    """Errors of m estimates, all 27 or some, estimate less truth, per error of what goes in.
 
     Attributes
     ----------
-    process : ndarray, shape (updates, 27, 9)
+    process : ndarray, shape (updates, m, 9)
         Of the navigation states at the end of each update interval.
-    observation : ndarray, shape (updates, 27, OBSERVED)
+    observation : ndarray, shape (updates, m, OBSERVED)
         Of each observation.
-    initial : ndarray, shape (27, 9 + n)
+    initial : ndarray, shape (m, 9 + n)
         Of navigation states and modelled parameters at the start.
     """
 
@@ -66,8 +64,15 @@ class Sensitivity:
     initial: np.ndarray
 
 
-def sensitivity(transitions: Transitions, gains: Gains, model: StateModel) -> Sensitivity:
-    """Sweep backwards through all updates.
+def sensitivity(
+    transitions: Transitions,
+    gains: Gains,
+    model: StateModel,
+    *,
+    parameters: Sequence[int] = range(COUNT),
+    updates: int | None = None,
+) -> Sensitivity:
+    """Sweep backwards through the updates.
 
     Parameters
     ----------
@@ -75,24 +80,30 @@ def sensitivity(transitions: Transitions, gains: Gains, model: StateModel) -> Se
     gains : Gains
         Of the first pass.
     model : StateModel
+    parameters : sequence of int
+        Whose estimates; all if not said.
+    updates : int, optional
+        After so many; what comes later does nothing. All if not said.
 
     Returns
     -------
     Sensitivity
     """
-    updates, columns = len(transitions.index), model.columns
+    every, columns = len(transitions.index), model.columns
+    last = every if updates is None else updates
     states = np.concatenate([np.arange(NAVIGATION), NAVIGATION + columns])
-    gain = np.ascontiguousarray(gains.gain[:, states])
-    rows = np.zeros((COUNT, len(states)))
+    gain = np.ascontiguousarray(gains.gain[:last, states])
     # a state is what is true less what is estimated
-    rows[columns, NAVIGATION + np.arange(len(columns))] = -1.0
-    process = np.empty((updates, COUNT, NAVIGATION))
-    observation = np.empty((updates, COUNT, OBSERVED))
+    of_states = np.zeros((COUNT, len(states)))
+    of_states[columns, NAVIGATION + np.arange(len(columns))] = -1.0
+    rows = of_states[list(parameters)]
+    process = np.zeros((every, len(rows), NAVIGATION))
+    observation = np.zeros((every, len(rows), OBSERVED))
     _sweep(
         rows,
         transitions.navigation,
         transitions.parameter,
-        transitions.index,
+        transitions.index[:last],
         gain,
         OBSERVED_STATES.start,
         process,
@@ -129,16 +140,16 @@ def _sweep(rows, phi, parameter, index, gain, first, process, observation):
 
 @dataclass(frozen=True)
 class Budget:
-    """Covariances of the final estimates by source, SI.
+    """Covariances of m estimates by source, SI; all 27 unless made of some.
 
     Attributes
     ----------
-    formal : mapping of str to ndarray, shape (27, 27)
+    formal : mapping of str to ndarray, shape (m, m)
         Of the noise and the priors that the filter believes in: its own covariance.
-    disturbances : mapping of str to ndarray, shape (27, 27)
+    disturbances : mapping of str to ndarray, shape (m, m)
         Of what it knows nothing of. Of noise that is not as believed, what that adds, which is
         negative where there is less.
-    effects : mapping of str to ndarray, shape (27, n)
+    effects : mapping of str to ndarray, shape (m, n)
         Of one unit of each constant, signed: estimate less truth.
     """
 
@@ -148,12 +159,12 @@ class Budget:
 
     @cached_property
     def formal_covariance(self) -> np.ndarray:
-        """What the filter claims, shape (27, 27)."""
+        """What the filter claims, shape (m, m)."""
         return np.asarray(sum(self.formal.values()))
 
     @cached_property
     def true_covariance(self) -> np.ndarray:
-        """What is so, shape (27, 27)."""
+        """What is so, shape (m, m)."""
         return np.asarray(sum(self.disturbances.values(), self.formal_covariance))
 
     @property
@@ -166,18 +177,11 @@ class Budget:
         )
 
 
-def budget(
-    transitions: Transitions,
-    gains: Gains,
-    model: StateModel,
-    noise: NoiseModel,
-    prior: InitialStd,
-    disturbed: Disturbed | None,
-    factors: Disturbance,
-) -> Budget:
-    """Error budget of a filter on a path.
+@dataclass(frozen=True)
+class System:
+    """A filter on a path, and what it knows nothing of.
 
-    Parameters
+    Attributes
     ----------
     transitions : Transitions
     gains : Gains
@@ -191,13 +195,52 @@ def budget(
         What it knows nothing of.
     factors : Disturbance
         Has the factors of the noise.
+    """
+
+    transitions: Transitions
+    gains: Gains
+    model: StateModel
+    noise: NoiseModel
+    prior: InitialStd
+    disturbed: Disturbed | None
+    factors: Disturbance
+
+    @cached_property
+    def response(self) -> Response:
+        """Of navigation to apparent increments; only of what is disturbed."""
+        assert self.disturbed is not None
+        return response(self.disturbed)
+
+    @cached_property
+    def constants(self) -> dict[str, ConstantsResponse]:
+        """Response to the constants of each source that draws some."""
+        if self.disturbed is None:
+            return {}
+        sources = self.disturbed.disturbance.constants
+        return {name: of_constants(self.response, self.disturbed, name) for name in sources}
+
+
+def budget(
+    system: System, *, parameters: Sequence[int] = range(COUNT), updates: int | None = None
+) -> Budget:
+    """Error budget of a filter on a path.
+
+    Parameters
+    ----------
+    system : System
+    parameters : sequence of int
+        Of whose estimates; all if not said.
+    updates : int, optional
+        Of the estimates after so many updates; all if not said.
 
     Returns
     -------
     Budget
     """
-    found = sensitivity(transitions, gains, model)
-    formal = _formal(found, transitions, model, noise, prior)
+    found = sensitivity(
+        system.transitions, system.gains, system.model, parameters=parameters, updates=updates
+    )
+    formal, factors = _formal(found, system), system.factors
     disturbances = {
         f"{name}_noise_factor": (factor**2 - 1.0) * formal[f"{name}_noise"]
         for name in ("gyro", "accel", "velocity", "position")
@@ -205,13 +248,13 @@ def budget(
         if factor != 1.0
     }
     effects: dict[str, np.ndarray] = {}
-    if disturbed is not None:
+    if (disturbed := system.disturbed) is not None:
         about = disturbed.disturbance
-        weights = step_weights(found, disturbed)
-        for source in about.constants:
-            effects[source] = _of_constants(found, weights, disturbed, source)
+        for source, unit in system.constants.items():
+            effects[source] = _of_constants(found, unit)
             size = getattr(about, source)
             disturbances[source] = size**2 * effects[source] @ effects[source].T
+        weights = found.process[system.response.update] @ system.response.steps
         for source in about.processes:
             disturbances[source] = _of_process(weights, disturbed, source)
         for name, axes in (("gyro", slice(0, 3)), ("accel", slice(3, 6))):
@@ -220,24 +263,18 @@ def budget(
                 disturbances[f"{name}_quantisation"] = _of_pulses(weights[:, :, axes], pulse)
         if about.observation_correlation_time > 0.0:
             kept = np.exp(-disturbed.interval / about.observation_correlation_time)
-            true = observation_covariance(true_noise(noise, factors))
+            true = observation_covariance(true_noise(system.noise, factors))
             disturbances["observation_correlation"] = _of_correlation(found, true, kept)
     return Budget(formal, disturbances, effects)
 
 
-def _formal(
-    found: Sensitivity,
-    transitions: Transitions,
-    model: StateModel,
-    noise: NoiseModel,
-    prior: InitialStd,
-) -> dict[str, np.ndarray]:
-    out = {}
+def _formal(found: Sensitivity, system: System) -> dict[str, np.ndarray]:
+    noise, prior, out = system.noise, system.prior, {}
     for name, alone in (
         ("gyro_noise", NoiseModel(noise.gyro, 0.0, 0.0, 0.0)),
         ("accel_noise", NoiseModel(0.0, noise.accel, 0.0, 0.0)),
     ):
-        share = noise_covariance(transitions, alone)
+        share = noise_covariance(system.transitions, alone)
         out[name] = np.einsum("kim,mn,kjn->ij", found.process, share, found.process, optimize=True)
     for name, place, sigma in (
         ("velocity_noise", slice(0, 3), noise.velocity),
@@ -245,61 +282,21 @@ def _formal(
     ):
         seen = sigma * found.observation[:, :, place]
         out[name] = np.einsum("kim,kjm->ij", seen, seen, optimize=True)
-    spread = np.concatenate([prior.navigation, prior.parameter[model.columns]])
+    spread = np.concatenate([prior.navigation, prior.parameter[system.model.columns]])
     scaled = found.initial * spread
     for name, place in (PRIORS | {"parameters": slice(NAVIGATION, None)}).items():
         out[f"prior_{name}"] = scaled[:, place] @ scaled[:, place].T
     return out
 
 
-def step_weights(found: Sensitivity, disturbed: Disturbed) -> np.ndarray:
-    """What apparent increments of each step, in body axes, do to the estimates.
-
-    Parameters
-    ----------
-    found : Sensitivity
-    disturbed : Disturbed
-
-    Returns
-    -------
-    ndarray, shape (steps, 27, 6)
-        Per rad and m/s. An increment comes at a constant rate in its step.
-    """
-    path = disturbed.path
-    steps, dynamics = path.steps, navigation_dynamics(path.site)
-    update = np.repeat(np.arange(len(found.process)), np.diff(steps.update_step))
-    left = (update + 1) * disturbed.interval - path.edges[1:]
-    kinds, kind = np.unique(
-        np.round(np.stack([steps.duration, np.maximum(left, 0.0)], axis=1), 9),
-        axis=0,
-        return_inverse=True,
-    )
-    into = np.zeros((NAVIGATION, 6))  # attitude errors are those of the axes, not of the body
-    into[range(6), range(6)] = [-1.0] * 3 + [1.0] * 3
-    out = np.empty((len(update), COUNT, 6))
-    for number, (duration, rest) in enumerate(kinds):
-        own = np.flatnonzero(kind.ravel() == number)
-        block = np.zeros((NAVIGATION + 6,) * 2)
-        block[:NAVIGATION, :NAVIGATION], block[:NAVIGATION, NAVIGATION:] = dynamics, into
-        mean = expm(block * duration)[:NAVIGATION, NAVIGATION:] / duration
-        out[own] = found.process[update[own]] @ (expm(dynamics * rest) @ mean)
-    to_ned = steps.to_body.mT / steps.duration[:, None, None]
-    out[:, :, :3] = out[:, :, :3] @ to_ned
-    out[:, :, 3:] = out[:, :, 3:] @ to_ned
-    return out
-
-
-def _of_constants(
-    found: Sensitivity, weights: np.ndarray, disturbed: Disturbed, source: str
-) -> np.ndarray:
-    unit = effect(disturbed.path, disturbed.disturbance, source)
-    rows = unit.increments.reshape(len(unit.increments), -1)
-    steady = found.observation.sum(axis=0) @ unit.observations.T
-    return np.asarray(weights.transpose(1, 0, 2).reshape(COUNT, -1) @ rows.T + steady)
+def _of_constants(found: Sensitivity, unit: ConstantsResponse) -> np.ndarray:
+    moved = np.einsum("kim,kmn->in", found.process, unit.navigation, optimize=True)
+    return np.asarray(moved + found.observation.sum(axis=0) @ unit.observation)
 
 
 def _of_process(weights: np.ndarray, disturbed: Disturbed, source: str) -> np.ndarray:
-    total, duration = np.zeros((COUNT, COUNT)), disturbed.path.steps.duration
+    count, duration = weights.shape[1], disturbed.path.steps.duration
+    total = np.zeros((count, count))
     first = 3 if source.startswith("accel") else 0
     for term in terms_of(disturbed.disturbance, source):
         coefficients = discrete(term, duration)
@@ -339,7 +336,8 @@ def _of_pulses(weights: np.ndarray, pulse: float) -> np.ndarray:
 
 def _of_correlation(found: Sensitivity, covariance: np.ndarray, kept: float) -> np.ndarray:
     """What correlation of the observations' noise adds to white noise of that covariance."""
-    later, total = np.zeros((COUNT, OBSERVED)), np.zeros((COUNT, COUNT))
+    count = found.observation.shape[1]
+    later, total = np.zeros((count, OBSERVED)), np.zeros((count, count))
     for rows in found.observation[::-1]:
         cross = rows @ covariance @ later.T
         total += cross + cross.T

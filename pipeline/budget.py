@@ -5,30 +5,34 @@ Usage: ``python -m pipeline.budget [disturbance=...] [schedule=...] [noise=...] 
 Prints of every parameter the sigma that the filter claims, the true one with the disturbances that
 it knows nothing of, and the largest sources; and of every disturbance alone the size at which sigma
 is no longer to be believed. With `out` the variances by source are written as JSON, and beside it
-under the same name a page (.md), its picture (.png) and tables: shares (.csv), ``_sensitivity.csv``
-and ``_tolerances.csv``.
+under the same name a page (.md); its pictures: shares (.png), effects by parameter and source
+(``_mosaic.png``), and one parameter over time (``_time.png``), the most disturbed one or that of
+`parameter`; and tables: shares (.csv), ``_sensitivity.csv``, ``_tolerances.csv``, ``_traces.csv``.
 
 For example::
 
     python -m pipeline.budget disturbance=laboratory
-    python -m pipeline.budget disturbance.table_offset_mm=5 schedule=position19 out=budget.json
+    python -m pipeline.budget disturbance.table_offset_mm=5 parameter=lever_arm_x out=budget.json
 
-Reads: schedule noise disturbance truth estimator out site simulation sensor bounds campaign.seed.
+Reads: schedule noise disturbance truth estimator parameter out site simulation sensor bounds
+campaign.seed.
 """
 
 from pathlib import Path
 
+import numpy as np
+
 from inscal.parameters import NAMES, UNITS
 from pipeline.charts import style
-from pipeline.charts.budget import contributions
+from pipeline.charts.budget import contributions, mosaic, over_time
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
 from pipeline.console.output import write_json, write_text
 from pipeline.console.terminal import new_table, show
-from pipeline.study.budget import Sheet, sheet
-from pipeline.study.budget_page import csv, page, sensitivities, shares, tolerances
+from pipeline.study.budget import Sheet, checkpoints, sheet
+from pipeline.study.budget_page import csv, page, sensitivities, shares, tolerances, traces
 
 _SHOWN = 2
 
@@ -70,11 +74,21 @@ def main(config: Config) -> None:
 
 def _write(config: Config, found: Sheet, path: Path) -> None:
     write_json(path, found.content())
+    place = NAMES.index(config.parameter) if config.parameter else found.most_disturbed
+    updates, known = checkpoints(config), list(found.budget.formal)
+    times = np.array(updates) * config.estimator.update_interval_s
     tables = {"": shares, "_sensitivity": sensitivities, "_tolerances": tolerances}
+    tables |= {"_traces": traces}
+    figures = {
+        "": contributions(found.variance, known),
+        "_mosaic": mosaic(found.variance, found.formal_std, known),
+        "_time": over_time(times, found.course(place, updates), known, place),
+    }
     for ending, table in tables.items():
         write_text(path.with_name(f"{path.stem}{ending}.csv"), csv(table(found)))
-    style.save(contributions(found.variance, list(found.budget.formal)), path.with_suffix(".png"))
-    write_text(path.with_suffix(".md"), page(config, found, path.stem))
+    for ending, figure in figures.items():
+        style.save(figure, path.with_name(f"{path.stem}{ending}.png"))
+    write_text(path.with_suffix(".md"), page(config, found, path.stem, place))
 
 
 if __name__ == "__main__":

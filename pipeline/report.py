@@ -19,7 +19,7 @@ from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.output import write_text
 from pipeline.page import compose as page
-from pipeline.study import findings
+from pipeline.study import assumptions, findings
 from pipeline.study.report import PAGE, PATH, report_text
 
 
@@ -31,7 +31,8 @@ def main(config: Config) -> None:
         write_text(path, page.html(page.campaigns(config, config.campaigns)))
         print(path)
         return
-    text, html = report_text(findings.collect()), page.html(page.study(config))
+    text = report_text(findings.collect(assumptions.read()))
+    html = page.html(page.study(config))
     write_text(PATH, text)
     write_text(PAGE, html)
     print(PATH, PAGE, sep="\n")

@@ -11,7 +11,7 @@ from inscal.parameters import NAMES, UNITS
 from pipeline import budget, predict
 from pipeline.config.load import load
 from pipeline.config.setup import Setup
-from pipeline.study.budget import MOST, sheet
+from pipeline.study.budget import MOST, checkpoints, sheet
 
 PATH = ("schedule.position_duration_s=60", "simulation.turn_step_s=0.2")
 
@@ -75,7 +75,36 @@ def test_tables_and_page_beside_the_file_are_the_budget(tmp_path):
     assert allowed.sigma["gravity_mgal"] == pytest.approx(sigma, rel=1e-4)
     page = (tmp_path / "mine.md").read_text()
     assert "| `table_offset_mm` | `lever_arm_" in page
-    assert (tmp_path / "mine.png").stat().st_size > 10_000
+    for ending in ("", "_mosaic", "_time"):
+        assert (tmp_path / f"mine{ending}.png").stat().st_size > 10_000
+    # and so no filter tells it from them
+    hiding = pd.read_csv(tmp_path / "mine_traces.csv").set_index("key")
+    assert hiding.hides["gravity_mgal"]
+    assert not hiding.hides["table_offset_mm"].any()
+    hidden = page.split("## What hides")[1]
+    (row,) = [line for line in hidden.split("\n") if line.startswith("| `gravity_mgal` |")]
+    assert row.count("`accel_k") == 3
+
+
+def test_the_budget_over_time_ends_where_the_budget_is():
+    config = load([*PATH, "disturbance.table_offset_mm=3", "disturbance.accel_noise_factor=1.2"])
+    found, place = sheet(Setup(config)), NAMES.index("lever_arm_y")
+    updates = checkpoints(config)
+    assert (len(updates), updates[0], updates[-1]) == (50, 30, 1500)
+    course = found.course(place, updates)
+    assert list(course) == list(found.variance)
+    for source, variance in course.items():
+        assert variance[-1] == pytest.approx(found.variance[source][place], rel=1e-6, abs=1e-12)
+    total = sum(course.values())
+    assert total[0] > 100.0 * total[-1]
+    assert found.most_disturbed == int(np.argmax(found.true_std / found.formal_std))
+
+
+def test_a_parameter_that_there_is_none_of_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ended = run_stage(budget, *PATH, "parameter=lever_arm", "out=x.json")
+    assert (ended.code, "parameter = 'lever_arm': must be one of" in ended.err) == (2, True)
+    assert not list(tmp_path.iterdir())
 
 
 def test_budgets_are_written_as_json(tmp_path, monkeypatch):

@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any, NoReturn
 
 from inscal.directions import DIRECTIONS
-from inscal.parameters import GROUPS, members
+from inscal.parameters import GROUPS, NAMES, members
 from inscal.profile import profile_of
 from pipeline.config.disturbance import KEYS as DISTURBANCES
 from pipeline.config.disturbance import NEEDED
@@ -187,7 +187,11 @@ _OPTIONAL_RULES: dict[str, Rule] = {
     "a": STORE,
     "b": STORE,
     "campaigns": STORES,
-    "growth": (lambda v: _is_number(v) and v > 1, "null, or a finite number > 1"),
+    "growth": (
+        lambda v: v == "bounds" or (_is_number(v) and v > 1),
+        "null, bounds, or a finite number > 1",
+    ),
+    "parameter": one_of(*NAMES),
     "accept": REASON,
 }
 """Rules of keys that may be null."""

@@ -262,8 +262,11 @@ bounds : object
         Stores to compare.
     campaigns : list of str or None
         Stores to report on, the main one first.
-    growth : float or None
-        How much disturbances are to let an RMSE grow, one by one.
+    growth : float, "bounds" or None
+        How much disturbances are to let an RMSE grow, one by one, or that it is as far as the
+        bounds allow.
+    parameter : str or None
+        Parameter whose error budget is drawn over time.
     accept : str or None
         Why the gate's new baseline is accepted.
     """
@@ -284,5 +287,6 @@ bounds : object
     a: str | None = None
     b: str | None = None
     campaigns: list[str] | None = None
-    growth: float | None = None
+    growth: Any = None
+    parameter: str | None = None
     accept: str | None = None

@@ -29,7 +29,7 @@ from pipeline.page import study as page_study
 from pipeline.page import verdict as page_verdict
 from pipeline.page.charts import THEME
 from pipeline.page.parts import TEMPLATES, Section, say
-from pipeline.study import claims, findings, names
+from pipeline.study import assumptions, claims, findings, names
 from pipeline.study.campaign import Campaign, comparison
 from pipeline.study.claims import Claims
 
@@ -95,6 +95,7 @@ def study(config: Config) -> Page:
         if wing
         else Section("paper", left_out=say("no_wing", path=claims.PATH)),
         wing=wing,
+        assumed=page_study.assumptions_section(assumptions.read()),
     )
 
 
@@ -138,6 +139,7 @@ def _page(
     noise: Section,
     paper_section: Section,
     wing: Claims | None,
+    assumed: Section | None = None,
 ) -> Page:
     main = every[0]
     made_with, reason = page_data.config_or_reason(main)
@@ -154,6 +156,7 @@ def _page(
     convergence, observability, over_time = from_config
     sections = [
         page_verdict.section(main),
+        *([assumed] if assumed else []),
         page_campaign.distributions(main),
         page_campaign.sigmas(side_by_side),
         page_campaign.nees(side_by_side),

@@ -17,6 +17,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 _SECTIONS = {
     "verdict": ("Verdict", "Verdict"),
+    "assumptions": ("Assumptions", "What this assumes, and what that is worth"),
     "distributions": ("Errors", "How the errors are distributed"),
     "sigma": ("Sigma", "Predicted against empirical sigma"),
     "nees": ("NEES", "NEES"),

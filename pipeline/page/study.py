@@ -15,7 +15,7 @@ from pipeline.page import charts as page_charts
 from pipeline.page.data import rounded
 from pipeline.page.parts import ENOUGH_TEXT, Cell, Picture, Section, Table, cells, kind_words, say
 from pipeline.page.verdict import look
-from pipeline.study import honesty
+from pipeline.study import assumptions, honesty
 from pipeline.study.campaign import Campaign
 from pipeline.study.claims import Claims
 from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
@@ -95,6 +95,26 @@ def _margin_picture(margins: Mapping[str, Mapping[str, float]], largest: float) 
         count=len(margins),
     )
     return Picture(sentence, {"margins": spec})
+
+
+def assumptions_section(found: Mapping[str, Any] | None) -> Section:
+    """Make the section of what results assume, and of what that is worth.
+
+    Parameters
+    ----------
+    found : mapping or None
+        Of `pipeline.study.assumptions.read`.
+
+    Returns
+    -------
+    Section
+    """
+    if found is None:
+        return Section("assumptions", left_out=say("no_disturbances", path=assumptions.PATH))
+    rows = [cells(row) for row in assumptions.rows(found)]
+    caption = say("assumptions_caption", runs=found["runs"], name=found["disturbance"])
+    table = Table(caption, assumptions.HEADINGS, rows, 2)
+    return Section("assumptions", lines=(say("assumptions"),), tables=(table,))
 
 
 def paper_section(wing: Claims) -> Section:

@@ -16,6 +16,10 @@ from pipeline.words.render import render
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _SHOWN = 3
+HIDES = 0.05
+"""Trace over effect below which a disturbance is called hidden."""
+_SEEN = 0.01  # sigmas that are an effect at all
+_ALIKE = 0.3  # of the largest effect in sigmas: parameters named
 
 
 def shares(found: Sheet) -> pd.DataFrame:
@@ -94,12 +98,33 @@ def tolerances(found: Sheet) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["key", "size", "sigma", "sigma_by", "bounds", "bounds_by"])
 
 
+def traces(found: Sheet) -> pd.DataFrame:
+    """What each constant does to the estimates, and what of it the innovations show.
+
+    Parameters
+    ----------
+    found : Sheet
+
+    Returns
+    -------
+    pandas.DataFrame
+        Columns key, size, component (as in `sensitivities`), moved and trace, both in sigmas at
+        that size (`Sheet.hiding`), and hides: whether the trace is below `HIDES` of what is moved.
+    """
+    rows: list[tuple[Any, ...]] = []
+    for source, (moved, trace) in found.hiding.items():
+        key, size = found.size[source]
+        for component, (far, seen) in enumerate(zip(moved, trace, strict=True)):
+            rows.append((key, size, component, far, seen, far > _SEEN and seen < HIDES * far))
+    return pd.DataFrame(rows, columns=["key", "size", "component", "moved", "trace", "hides"])
+
+
 def csv(table: pd.DataFrame) -> str:
     """Text of a table, six significant digits."""
     return table.to_csv(index=False, float_format="%.6g")
 
 
-def page(config: Config, found: Sheet, name: str) -> str:
+def page(config: Config, found: Sheet, name: str, place: int) -> str:
     """Write the page.
 
     Parameters
@@ -109,12 +134,15 @@ def page(config: Config, found: Sheet, name: str) -> str:
     found : Sheet
     name : str
         With which the names of the files beside the page begin.
+    place : int
+        Parameter whose budget is drawn over time.
 
     Returns
     -------
     str
     """
     allowed: Any = tolerances(found)
+    hiding = traces(found)
     rows: list[Any] = sorted(allowed.itertuples(), key=lambda row: row.sigma / row.size)
     return render(
         _TEMPLATES,
@@ -131,6 +159,10 @@ def page(config: Config, found: Sheet, name: str) -> str:
         tolerances=[_tolerance_cells(row) for row in rows],
         exceeded=[md.code(row.key) for row in rows if row.size > row.sigma],
         present=len(rows),
+        over_time=md.code(NAMES[place]),
+        constants=len(found.hiding),
+        hides=HIDES,
+        hidden=[_hidden_cells(found, row) for row in hiding[hiding.hides].itertuples()],
     )
 
 
@@ -144,6 +176,20 @@ def _parameter_rows(found: Sheet) -> list[tuple[str, ...]]:
         ratio = f"{true / formal:.2f}"
         rows.append((md.code(name), UNITS[i], most, f"{formal:.3g}", f"{true:.3g}", ratio))
     return rows
+
+
+def _hidden_cells(found: Sheet, row: Any) -> tuple[str, ...]:
+    """Cells of a constant that hides, with the parameters that it is taken for, per unit."""
+    source, one = size_of(row.key)
+    effect = found.budget.effects[source][:, row.component] * one / found.unit
+    weight = np.divide(
+        np.abs(effect), found.formal_std, out=np.zeros_like(effect), where=found.formal_std > 0.0
+    )
+    most = [i for i in np.argsort(-weight, kind="stable") if weight[i] > _ALIKE * weight.max()]
+    taken = ", ".join(f"{md.code(NAMES[i])} {effect[i]:+.2g} {UNITS[i]}" for i in most)
+    several = len(found.hiding[source][0]) > 1
+    called = md.code(row.key) + (f" {row.component}" if several else "")
+    return called, taken, f"{row.size:g}", f"{row.moved:.2g}", f"{row.trace:.2g}"
 
 
 def _tolerance_cells(row: Any) -> tuple[str, ...]:

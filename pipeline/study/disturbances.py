@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from inscal.parameters import NAMES
-from pipeline.campaign import judged
+from inscal.statistics import nominal_coverage
+from pipeline.campaign import judged, store
 from pipeline.config.disturbance import IDLE, KEYS, size_of
 from pipeline.config.load import disturbances, resolved, undisturbed
 from pipeline.config.schema import Config
@@ -26,6 +28,11 @@ NONE, ALL = "none", "all"
 ALLOWED = 3.0
 """Standard errors that the RMSE of a parameter may lie from its budget."""
 _ENDS = ("", "_lower", "_upper")
+SECOND_ORDER = 1e-3
+"""Share of a variance that linear theory is not asked for."""
+MANY = 0.01
+"""Share of failed runs beyond which a disturbance is too large for linear theory."""
+_NO_RUN = "no run"
 _FACTOR = "_noise_factor"
 _CALLED = {"observation_correlation_time_s": "observation_correlation"}  # has no size that scales
 
@@ -109,8 +116,8 @@ def _source(key: str) -> str:
     return _CALLED.get(key, size_of(key)[0])
 
 
-def grown(alone: Sheet, key: str, size: float, growth: float) -> float:
-    """Size at which one disturbance lets the RMSE of its worst parameter grow by a factor.
+def grown(alone: Sheet, key: str, size: float, growth: float | str) -> float:
+    """Size at which one disturbance lets the RMSE of a parameter grow by a factor, or to its bound.
 
     Parameters
     ----------
@@ -120,8 +127,8 @@ def grown(alone: Sheet, key: str, size: float, growth: float) -> float:
         Its key.
     size : float
         Its size there.
-    growth : float
-        Above one.
+    growth : float or str
+        Of `Sheet.room`.
 
     Returns
     -------
@@ -153,7 +160,8 @@ def content(config: Config, planned: Sequence[Plan]) -> dict[str, Any]:
     alone = _alone(config, {plan.name: plan.size for plan in planned if plan.size is not None})
     every = sheet(Setup(planned[-1].config))
     made = alone | {NONE: every.alone(), ALL: every}
-    rows = [_row(plan, made[plan.name]) for plan in planned]
+    base = store.read(planned[0].config.campaign.store)
+    rows = [_row(plan, made[plan.name], base) for plan in planned]
     runs = config.campaign.runs
     return {
         "schedule": config.schedule.name,
@@ -167,30 +175,59 @@ def content(config: Config, planned: Sequence[Plan]) -> dict[str, Any]:
     }
 
 
-def _row(plan: Plan, made: Sheet) -> dict[str, Any]:
-    found = judged.summary_of(plan.config, plan.config.campaign.store)
+def _row(plan: Plan, made: Sheet, base: xr.Dataset) -> dict[str, Any]:
     modelled = np.flatnonzero(made.formal_std > 0.0)
-    runs = int(found.runs_done)
-    ratio = (found.rmse.to_numpy() / made.true_std)[modelled]
-    worst = int(modelled[np.argmax((made.true_std / made.formal_std)[modelled])])
-    far = int(np.argmax(np.abs(ratio - 1.0)))
-    return {
+    worst = made.most_disturbed
+    first = int(modelled[np.argmin((made.bound / made.true_std)[modelled])])
+    row = {
         "name": plan.name,
         "size": plan.size,
         "modelled": len(modelled),
-        "runs_done": runs,
-        "runs_failed": int(found.runs_failed),
-        "nees": float(found.nees_mean),
         "expected_nees": made.budget.expected_nees,
         "worst": NAMES[worst],
-        "worst_rmse_over_formal": float(found.rmse[worst]) / made.formal_std[worst],
         "worst_true_over_formal": made.true_std[worst] / made.formal_std[worst],
+        "first_beyond": NAMES[first],
+        "first_beyond_expected": nominal_coverage(made.bound[first] / made.true_std[first]),
+    }
+    campaign = store.read(plan.config.campaign.store)
+    failed = int((campaign.status == store.FAILED).sum())
+    if failed == campaign.sizes["run"]:
+        return row | {"runs_done": 0, "runs_failed": failed}
+    found = judged.summary(plan.config, plan.config.campaign.store, campaign)
+    runs = int(found.runs_done)
+    ratio = (found.rmse.to_numpy() / made.true_std)[modelled]
+    # of a root mean square of so many normal errors
+    apart = (ratio - 1.0) * np.sqrt(2.0 * runs)
+    far, paired = int(np.argmax(np.abs(apart))), _paired(campaign, base, made)[modelled]
+    off = np.minimum(np.abs(apart), np.abs(paired)) > ALLOWED
+    within = found.isel(parameter=first)
+    return row | {
+        "runs_done": runs,
+        "runs_failed": failed,
+        "nees": float(found.nees_mean),
+        "worst_rmse_over_formal": float(found.rmse[worst]) / made.formal_std[worst],
         "farthest": NAMES[modelled[far]],
         "farthest_rmse_over_budget": float(ratio[far]),
-        # of a root mean square of so many normal errors
-        "farthest_standard_errors": float((ratio[far] - 1.0) * np.sqrt(2.0 * runs)),
+        "farthest_standard_errors": float(apart[far]),
+        "farthest_paired_standard_errors": float(paired[far]),
+        "off": [NAMES[place] for place in modelled[off]],
         **{f"joint_share{end}": float(found[f"joint_share{end}"]) for end in _ENDS},
+        **{f"first_beyond_share{end}": float(within[f"share_within_bound{end}"]) for end in _ENDS},
     }
+
+
+def _paired(campaign: xr.Dataset, base: xr.Dataset, made: Sheet) -> np.ndarray:
+    """What a disturbance adds to the mean squared errors, less what the budget adds.
+
+    In standard errors of the pairs of runs, which share all other draws. What is below
+    `SECOND_ORDER` of the variance is no difference.
+    """
+    both = (campaign.status == store.DONE) & (base.status == store.DONE)
+    squared = [np.square(one.error.to_numpy()[both.to_numpy()]) for one in (campaign, base)]
+    change = (squared[0] - squared[1]) / made.true_std**2
+    expected = 1.0 - (made.formal_std / made.true_std) ** 2
+    error = np.hypot(change.std(axis=0) / np.sqrt(len(change)), SECOND_ORDER)
+    return np.asarray((change.mean(axis=0) - expected) / error)
 
 
 def page(found: Mapping[str, Any]) -> str:
@@ -207,33 +244,62 @@ def page(found: Mapping[str, Any]) -> str:
     """
     rows = found["campaigns"]
     first, *alone, last = rows
-    alone = sorted(alone, key=lambda row: -row["nees"])
-    within = [row for row in alone if abs(row["farthest_standard_errors"]) <= ALLOWED]
+    alone = sorted(alone, key=lambda row: -row.get("nees", np.inf))
+    broken = [row for row in alone if row["runs_failed"] > MANY * found["runs"]]
+    linear = [row for row in alone if row not in broken]
+    within = [row for row in linear if not row["off"]]
     return render(
         _TEMPLATES,
         "disturbances.md.jinja",
         **{key: found[key] for key in found if key != "campaigns"},
-        table_rows=[_cells(row) for row in (first, *alone, last)],
-        alone=alone,
+        broken_rows=[_cells_of_effect(row) for row in (first, *alone, last)],
+        held_rows=[_cells_of_budget(row) for row in (first, *alone, last)],
+        linear=linear,
+        broken=[(row["name"], row["runs_failed"]) for row in broken],
+        enough=findings.ENOUGH,
         undisturbed=first,
         together=last,
         allowed=ALLOWED,
         within=within,
-        beyond=[row["name"] for row in alone if row not in within],
-        joint={row["name"]: findings.joint_text(row) for row in (first, last)},
+        beyond=[(row["name"], row["off"]) for row in linear if row["off"]],
+        joint={row["name"]: _joint(row) for row in (first, last)},
     )
 
 
-def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+def _called(row: Mapping[str, Any]) -> str:
+    return str(row["name"] if row["size"] is None else md.code(row["name"]))
+
+
+def _cells_of_effect(row: Mapping[str, Any]) -> tuple[str, ...]:
     return (
-        row["name"] if row["size"] is None else md.code(row["name"]),
+        _called(row),
         "" if row["size"] is None else f"{row['size']:.3g}",
-        f"{row['nees']:.4g}",
+        _found(row, "nees", ".4g"),
         f"{row['expected_nees']:.4g}",
         md.code(row["worst"]),
-        f"{row['worst_rmse_over_formal']:.2f}",
+        _found(row, "worst_rmse_over_formal", ".2f"),
         f"{row['worst_true_over_formal']:.2f}",
-        findings.joint_text(row),
-        f"{row['farthest_rmse_over_budget']:.3f}",
-        f"{row['farthest_standard_errors']:+.1f}",
+        _joint(row),
     )
+
+
+def _cells_of_budget(row: Mapping[str, Any]) -> tuple[str, ...]:
+    some = bool(row["runs_done"])
+    return (
+        _called(row),
+        md.code(row["first_beyond"]),
+        md.share(*(row[f"first_beyond_share{end}"] for end in _ENDS)) if some else _NO_RUN,
+        md.percent(row["first_beyond_expected"]),
+        md.code(row["farthest"]) if some else _NO_RUN,
+        _found(row, "farthest_rmse_over_budget", ".3f"),
+        _found(row, "farthest_standard_errors", "+.1f"),
+        _found(row, "farthest_paired_standard_errors", "+.1f"),
+    )
+
+
+def _found(row: Mapping[str, Any], key: str, form: str) -> str:
+    return format(row[key], form) if row["runs_done"] else _NO_RUN
+
+
+def _joint(row: Mapping[str, Any]) -> str:
+    return findings.joint_text(row) if row["runs_done"] else "0 %: every run fails"

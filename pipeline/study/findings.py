@@ -105,15 +105,23 @@ class Results:
         By the keys of `COMPARISONS`.
     configuration : mapping
         Configuration of campaign `MAIN`.
+    disturbances : mapping or None
+        Of `pipeline.study.assumptions.read`.
     """
 
     summaries: Mapping[str, Summary]
     comparisons: Mapping[str, Summary]
     configuration: Mapping[str, Any]
+    disturbances: Mapping[str, Any] | None = None
 
 
-def collect() -> Results:
+def collect(disturbances: Mapping[str, Any] | None = None) -> Results:
     """Read what the report is made of.
+
+    Parameters
+    ----------
+    disturbances : mapping or None
+        Of `pipeline.study.assumptions.read`.
 
     Returns
     -------
@@ -128,6 +136,7 @@ def collect() -> Results:
         {name: read_summary(name) for name in CAMPAIGNS},
         {name: read_comparison(name) for name in COMPARISONS},
         store.read(RUNS / MAIN).attrs["configuration"],
+        disturbances,
     )
 
 

@@ -43,3 +43,6 @@ COMPARISONS: Mapping[str, str] = {
     name: row["title"] for name, row in study()["comparisons"].items()
 }
 """Comparisons reported on, and their headings."""
+
+ASSUMPTIONS: Mapping[str, Sequence[str]] = study()["assumptions"]
+"""What results assume, in words, and the keys of the disturbances that take it away."""

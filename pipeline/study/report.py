@@ -6,7 +6,7 @@ from typing import Any
 
 from inscal.parameters import KINDS, NAMES, members
 from pipeline.config.schema import KIND_KEYS
-from pipeline.study import findings, honesty, verdict
+from pipeline.study import assumptions, findings, honesty, verdict
 from pipeline.study.findings import ENOUGH, Results, Summary
 from pipeline.study.honesty import HONEST
 from pipeline.study.names import COMPARISONS, LEVELS, MAIN, ONE_PASS
@@ -44,6 +44,9 @@ def report_text(results: Results) -> str:
         requirements=verdict.table(checks, "requirement", plain=(verdict.MET,)),
         requirements_met=sum(check.met for check in checks),
         requirements_count=len(checks),
+        assumptions=assumptions.rows(results.disturbances) if results.disturbances else [],
+        assumption_headings=assumptions.HEADINGS,
+        disturbance=results.disturbances and results.disturbances["disturbance"],
         campaigns=views,
         main=views[MAIN],
         one_pass=views[ONE_PASS],

@@ -97,6 +97,7 @@ def test_every_setting_is_known_to_matter_or_not():
         "campaigns",
         "accept",
         "growth",
+        "parameter",
     }
 
 

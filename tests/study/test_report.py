@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import paper_bounds
+from test_assumptions import FOUND as ASSUMED
 
 from inscal.parameters import COUNT, NAMES, UNITS
 from inscal.summary import compare, summarize
@@ -261,6 +262,15 @@ def test_report_reads_what_the_stages_write(tmp_path, monkeypatch, results):
             (tmp_path / "results" / folder / f"{name}.json").write_text(json.dumps(content))
     campaign().to_zarr(tmp_path / "results" / "runs" / MAIN, consolidated=False, zarr_format=3)
     assert report.report_text(findings.collect()) == report.report_text(results)
+
+
+@pytest.mark.parametrize("found", [ASSUMED, None])
+def test_the_report_says_what_it_assumes_near_its_top(results, found):
+    text = report.report_text(dataclasses.replace(results, disturbances=found))
+    assert text.index("## In short") < text.index("## What this assumes")
+    assert text.index("## What this assumes") < text.index("## What was simulated")
+    assert ("| the site is known |" in text) == (found is not None)
+    assert ("make results/disturbances.json" in text) == (found is None)
 
 
 def test_store_is_loaded_with_its_runs_done(tmp_path, monkeypatch):

@@ -1,0 +1,118 @@
+"""What apparent increments of a disturbed record do to navigation, step by step and by update.
+
+An apparent increment a of a step comes at a constant rate in it and moves the navigation errors by
+the integral of Phi(t_end - t) u(t), u = a / duration in the states that it enters: attitude errors,
+which are those of the axes and not of the body, by -1, velocity errors by +1.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from inscal.disturbed import Disturbed
+from inscal.state_model import NAVIGATION, navigation_dynamics
+from inscal.unit_effects import effect
+
+
+@dataclass(frozen=True)
+class Response:
+    """Effect of apparent increments on the navigation states.
+
+    Attributes
+    ----------
+    steps : ndarray, shape (steps, 9, 6)
+        Of each step's increments in body axes, at the end of its update interval, per rad and m/s.
+    update_step : ndarray of int, shape (updates + 1,)
+        First step of each update interval, and the number of steps.
+    """
+
+    steps: np.ndarray
+    update_step: np.ndarray
+
+    @property
+    def update(self) -> np.ndarray:
+        """Update interval of each step, shape (steps,)."""
+        return np.repeat(np.arange(len(self.update_step) - 1), np.diff(self.update_step))
+
+    def by_update(self, increments: np.ndarray) -> np.ndarray:
+        """Navigation errors that some increments add over each update interval.
+
+        Parameters
+        ----------
+        increments : ndarray, shape (n, steps, 6)
+            rad and m/s.
+
+        Returns
+        -------
+        ndarray, shape (updates, 9, n)
+        """
+        each = self.steps @ increments.transpose(1, 2, 0)
+        return np.asarray(np.add.reduceat(each, self.update_step[:-1], axis=0))
+
+
+def response(disturbed: Disturbed) -> Response:
+    """Response of navigation on a path.
+
+    Parameters
+    ----------
+    disturbed : Disturbed
+
+    Returns
+    -------
+    Response
+    """
+    path = disturbed.path
+    steps, dynamics = path.steps, navigation_dynamics(path.site)
+    made = Response(np.empty((len(steps.duration), NAVIGATION, 6)), steps.update_step)
+    left = (made.update + 1) * disturbed.interval - path.edges[1:]
+    kinds, kind = np.unique(
+        np.round(np.stack([steps.duration, np.maximum(left, 0.0)], axis=1), 9),
+        axis=0,
+        return_inverse=True,
+    )
+    into = np.zeros((NAVIGATION, 6))
+    into[range(6), range(6)] = [-1.0] * 3 + [1.0] * 3
+    for number, (duration, rest) in enumerate(kinds):
+        block = np.zeros((NAVIGATION + 6,) * 2)
+        block[:NAVIGATION, :NAVIGATION], block[:NAVIGATION, NAVIGATION:] = dynamics, into
+        mean = expm(block * duration)[:NAVIGATION, NAVIGATION:] / duration
+        made.steps[kind.ravel() == number] = expm(dynamics * rest) @ mean
+    to_ned = steps.to_body.mT / steps.duration[:, None, None]
+    for axes in (slice(0, 3), slice(3, 6)):
+        made.steps[:, :, axes] = made.steps[:, :, axes] @ to_ned
+    return made
+
+
+@dataclass(frozen=True)
+class ConstantsResponse:
+    """What one unit of each constant of a source does.
+
+    Attributes
+    ----------
+    navigation : ndarray, shape (updates, 9, n)
+        Added to the navigation errors over each update interval.
+    observation : ndarray, shape (OBSERVED, n)
+        Added to every observation, m/s and m.
+    """
+
+    navigation: np.ndarray
+    observation: np.ndarray
+
+
+def of_constants(made: Response, disturbed: Disturbed, source: str) -> ConstantsResponse:
+    """Response to the constants of a source.
+
+    Parameters
+    ----------
+    made : Response
+    disturbed : Disturbed
+    source : str
+        Key of `inscal.disturbance.COMPONENTS`.
+
+    Returns
+    -------
+    ConstantsResponse
+    """
+    unit = effect(disturbed.path, disturbed.disturbance, source)
+    return ConstantsResponse(made.by_update(unit.increments), unit.observations.T)
