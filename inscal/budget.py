@@ -209,15 +209,15 @@ class System:
     def response(self) -> Response:
         """Of navigation to apparent increments; only of what is disturbed."""
         assert self.disturbed is not None
-        return response(self.disturbed)
+        return response(self.disturbed.path, self.disturbed.interval)
 
     @cached_property
     def constants(self) -> dict[str, ConstantsResponse]:
         """Response to the constants of each source that draws some."""
         if self.disturbed is None:
             return {}
-        sources = self.disturbed.disturbance.constants
-        return {name: of_constants(self.response, self.disturbed, name) for name in sources}
+        path, about = self.disturbed.path, self.disturbed.disturbance
+        return {name: of_constants(self.response, path, about, name) for name in about.constants}
 
 
 def budget(

@@ -1,8 +1,7 @@
 """The closed-loop calibrator: strapdown navigation, shared gains, one or more passes.
 
-A run is navigated with compensated increments; at every update the six differences between
-navigated and observed velocity and position, times the gains of `inscal.recursion`, correct all
-states at once. Nothing of the covariance is computed per run.
+A run is navigated and corrected at every update (`inscal.closed_loop`), with gains that are the
+same for all runs; nothing of the covariance is computed per run.
 
 How several passes over one record connect is the subject of `inscal.estimator`, how many a run
 needs that of `inscal.convergence`.
@@ -14,22 +13,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from inscal import convergence, navigation
+from inscal.closed_loop import NAV, ROWS, run_pass
 from inscal.estimator import CONSTANTS, Estimator
-from inscal.kernel import CACHE_LINE, LANES, compiled, inlined, prefetch
+from inscal.kernel import LANES
 from inscal.motion import Motion, Site
-from inscal.navigation import advance, rotate_left, straightened
 from inscal.parameters import COUNT
 from inscal.record import OBSERVED, Record
 from inscal.recursion import ATTITUDE
-from inscal.sensor import compensate, compensate_in_ramp
-from inscal.state_model import NAVIGATION
-
-_NAV = CONSTANTS
-_ROWS = _NAV + navigation.ROWS
-_STEP_BYTES = 8 * 6 * LANES
-_GAIN_BYTES = 8 * OBSERVED * (NAVIGATION + CONSTANTS)
-_WHITENING_BYTES = 8 * OBSERVED * OBSERVED
-_AHEAD = 2  # steps from the asking for data to its use: farther ahead was a little slower
 
 
 @dataclass(frozen=True)
@@ -64,6 +54,8 @@ class Calibration:
     ----------
     estimate : ndarray, shape (27, LANES)
         Parameters, SI.
+    augmented : ndarray, shape (n, LANES)
+        Augmented states that do not wander, SI.
     passes : ndarray of int, shape (LANES,)
         Passes made, that after which a run started anew included.
     reason : ndarray of int, shape (LANES,)
@@ -75,6 +67,7 @@ class Calibration:
     """
 
     estimate: np.ndarray
+    augmented: np.ndarray
     passes: np.ndarray
     reason: np.ndarray
     innovation_ratio: np.ndarray
@@ -83,6 +76,7 @@ class Calibration:
         """First lanes alone."""
         return Calibration(
             self.estimate[:, :count],
+            self.augmented[:, :count],
             self.passes[:count],
             self.reason[:count],
             self.innovation_ratio[:count],
@@ -115,13 +109,13 @@ def calibrate(
     Calibration
     """
     assumed = Rotation.from_matrix(np.moveaxis(record.attitude, -1, 0))
-    lanes = _Lanes(np.zeros((COUNT, LANES)), assumed)
+    further = len(estimator.per_sigma) - CONSTANTS
+    lanes = _Lanes(np.zeros((COUNT, LANES)), assumed, np.zeros((further, LANES)))
     for number in range(estimator.max_passes):
-        begin = np.concatenate([lanes.parameter, np.zeros((ATTITUDE, LANES))])
+        begin = np.concatenate([lanes.parameter, np.zeros((ATTITUDE, LANES)), lanes.augmented])
         # the prior is centred on zero parameters and on the attitude assumed in the record
-        off_prior = np.concatenate(
-            [lanes.parameter, (lanes.attitude * assumed.inv()).as_rotvec().T]
-        )
+        turned = (lanes.attitude * assumed.inv()).as_rotvec().T
+        off_prior = np.concatenate([lanes.parameter, turned, lanes.augmented])
         result, nis = _pass(record, motion, site, estimator, number, lanes, history)
         tight_step = result - begin
         if number == 0:
@@ -150,12 +144,14 @@ class _Lanes:
     parameter : ndarray, shape (27, LANES)
     attitude : Rotation
         Body to NED at the start, as far as known.
+    augmented : ndarray, shape (n, LANES)
+        Augmented states that do not wander.
     going : ndarray of bool, shape (LANES,)
         Lanes that make the next pass. The others are left as they are.
     """
 
-    def __init__(self, parameter: np.ndarray, attitude: Rotation):
-        self.parameter, self.attitude = parameter, attitude
+    def __init__(self, parameter: np.ndarray, attitude: Rotation, augmented: np.ndarray):
+        self.parameter, self.attitude, self.augmented = parameter, attitude, augmented
         self.going = np.ones(LANES, dtype=bool)
         self._fresh = np.ones(LANES, dtype=bool)  # has not started anew yet
         self._passes = np.zeros(LANES, dtype=np.int64)
@@ -163,13 +159,14 @@ class _Lanes:
         self._ratio = np.full(LANES, np.nan)
 
     def take(self, result: np.ndarray) -> None:
-        """Go on from the constants that a pass has found, shape (30, LANES)."""
+        """Go on from the constants that a pass has found, shape (30 + n, LANES)."""
         self._passes += self.going
         # a lane that ran away shows it in every parameter, but needs some attitude to go on with
         finite = _finite(result)
         result = np.where(finite, result, np.nan)
         self.parameter = np.where(self.going, result[:COUNT], self.parameter)
-        turned = np.where(self.going & finite, result[COUNT:], 0.0)
+        self.augmented = np.where(self.going, result[CONSTANTS:], self.augmented)
+        turned = np.where(self.going & finite, result[COUNT:CONSTANTS], 0.0)
         self.attitude = Rotation.from_rotvec(turned.T) * self.attitude
 
     def start_anew(self, assumed: Rotation) -> None:
@@ -178,6 +175,7 @@ class _Lanes:
         if lost.any():
             anew = lost & self._fresh
             self.parameter[:, anew] = 0.0
+            self.augmented[:, anew] = 0.0
             self.attitude[anew] = assumed[anew]  # and no other is as much as normalised again
             self.going &= ~lost | anew
             self._fresh &= ~lost
@@ -194,7 +192,7 @@ class _Lanes:
         if judged:
             self._reason[self.going] = convergence.NOT_CONVERGED
         self._reason[~_finite(self.parameter)] = convergence.NOT_FINITE
-        return Calibration(self.parameter, self._passes, self._reason, self._ratio)
+        return Calibration(self.parameter, self.augmented, self._passes, self._reason, self._ratio)
 
 
 def _finite(lanes: np.ndarray) -> np.ndarray:
@@ -202,20 +200,24 @@ def _finite(lanes: np.ndarray) -> np.ndarray:
 
 
 def _pass(record, motion, site, estimator, number, lanes, history):
-    """One pass over the record: constants as it has them, (30, LANES), and the sum of its NIS."""
+    """One pass over the record: constants as it has them, (c, LANES), and the sum of its NIS."""
     metres, nis = site.metres, np.zeros(LANES)
-    state = np.empty((_ROWS, LANES))
+    state = np.empty((ROWS, LANES))
     state[:COUNT] = lanes.parameter
     state[COUNT:CONSTANTS] = 0.0
-    state[_NAV : _NAV + 9] = lanes.attitude.as_matrix().reshape(LANES, 9).T
-    state[_NAV + navigation.VELOCITY : _NAV + navigation.POSITION] = record.velocity
-    state[_NAV + navigation.POSITION :] = record.position / metres[:, None]
+    state[NAV : NAV + 9] = lanes.attitude.as_matrix().reshape(LANES, 9).T
+    state[NAV + navigation.VELOCITY : NAV + navigation.POSITION] = record.velocity
+    state[NAV + navigation.POSITION :] = record.position / metres[:, None]
     gains = estimator.gains(number)
     judged = estimator.judged and number + 1 >= estimator.passes
+    about, further = estimator.augmented, None
+    if about is not None:
+        wandering = np.zeros((about.transitions.wandering, LANES))  # of mean zero, in every pass
+        further = np.concatenate([lanes.augmented, wandering]), about.rows, about.decay
     course = np.empty((0, COUNT, LANES)), np.empty((0, OBSERVED, LANES))
     if history is not None and number < len(history.estimate):
         course = history.estimate[number], history.innovation[number]
-    _run_pass(
+    run_pass(
         state,
         record.sensors,
         record.observations,
@@ -228,145 +230,14 @@ def _pass(record, motion, site, estimator, number, lanes, history):
         metres,
         *course,
         nis,
+        further,
     )
-    return state[:CONSTANTS], nis
+    constants = state[:CONSTANTS]
+    if further is not None:
+        constants = np.concatenate([constants, further[0][: len(lanes.augmented)]])
+    return constants, nis
 
 
 def _apply(matrix: np.ndarray, lanes: np.ndarray) -> np.ndarray:
     """Matrix product, lane by lane alike: a BLAS product rounds by the column's place."""
     return (matrix[:, :, None] * lanes).sum(axis=1)
-
-
-@compiled
-def _run_pass(
-    start,
-    sensors,
-    observations,
-    duration,
-    ramp_terms,
-    update_step,
-    gain,
-    whitening,
-    site,
-    metres,
-    estimate_history,
-    innovation_history,
-    nis,
-):
-    """Navigate and correct all lanes through the record; `start` becomes the final state.
-
-    Where `whitening` is given, `nis` becomes the sum of the normalised innovations squared.
-
-    Rows of the state: 27 parameters, attitude error at the start, attitude, velocity, position.
-    The state lives in an array of fixed shape made here, so that the compiler knows that its rows
-    do not overlap and keeps the lane loops free of run-time checks.
-    """
-    state = np.empty((_ROWS, LANES))
-    innovation = np.empty((OBSERVED, LANES))
-    correction = np.empty((NAVIGATION, LANES))
-    for j in range(LANES):
-        for i in range(_ROWS):
-            state[i, j] = start[i, j]
-    keep, judge = len(estimate_history) > 0, len(whitening) > 0
-    squares = np.zeros(LANES)
-    for k in range(len(update_step) - 1):
-        _fetch(gain, k + _AHEAD, _GAIN_BYTES)
-        _fetch(observations, k + _AHEAD, _STEP_BYTES)
-        for s in range(update_step[k], update_step[k + 1]):
-            _fetch(sensors, s + _AHEAD, _STEP_BYTES)
-            if ramp_terms[s, 0] == 0.0:
-                _navigate(state, sensors, s, duration[s], site)
-            else:
-                _navigate_ramp(state, sensors, s, duration[s], site, ramp_terms)
-        _innovate(state, observations, k, metres, innovation)
-        if judge:
-            _fetch(whitening, k + _AHEAD, _WHITENING_BYTES)
-            for j in range(LANES):
-                squares[j] += _squared(whitening, k, innovation, j)
-        _correct(state, gain, k, innovation, correction, metres)
-        if keep:
-            for j in range(LANES):
-                for i in range(COUNT):
-                    estimate_history[k, i, j] = state[i, j]
-                for i in range(OBSERVED):
-                    innovation_history[k, i, j] = innovation[i, j]
-    for j in range(LANES):
-        for i in range(_ROWS):
-            start[i, j] = state[i, j]
-        nis[j] = squares[j]
-
-
-@inlined
-def _fetch(array, row, row_bytes):
-    """Ask for the cache lines of a row of an array; beyond its end that does nothing."""
-    for line in range(0, row_bytes, CACHE_LINE):
-        prefetch(array, row * row_bytes + line)  # type: ignore[call-arg]  # numba adds one
-
-
-@inlined
-def _navigate(state, sensors, s, dt, site):
-    for j in range(LANES):
-        angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
-        velocity = (sensors[s, 3, j], sensors[s, 4, j], sensors[s, 5, j])
-        angle, velocity = compensate(state, j, angle, velocity, dt)
-        advance(state, _NAV, j, angle, velocity, dt, site)
-
-
-@inlined
-def _navigate_ramp(state, sensors, s, dt, site, terms):
-    for j in range(LANES):
-        angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
-        velocity = (sensors[s, 3, j], sensors[s, 4, j], sensors[s, 5, j])
-        angle, velocity = compensate_in_ramp(state, j, angle, velocity, dt, terms[s, 0])
-        angle, velocity = straightened(state, _NAV, j, angle, velocity, dt, site, terms, s)
-        advance(state, _NAV, j, angle, velocity, dt, site)
-
-
-@inlined
-def _innovate(state, observations, k, metres, innovation):
-    for i in range(3):
-        for j in range(LANES):
-            innovation[i, j] = state[_NAV + 9 + i, j] - observations[k, i, j]
-        for j in range(LANES):
-            innovation[3 + i, j] = state[_NAV + 12 + i, j] * metres[i] - observations[k, 3 + i, j]
-
-
-@inlined
-def _correct(state, gain, k, innovation, correction, metres):
-    """Feed back: navigation errors are navigated minus true, constants true minus estimated."""
-    for i in range(NAVIGATION):
-        for j in range(LANES):
-            correction[i, j] = _product(gain, k, i, innovation, j)
-    for i in range(CONSTANTS):
-        for j in range(LANES):
-            state[i, j] += _product(gain, k, NAVIGATION + i, innovation, j)
-    for j in range(LANES):
-        rotate_left(state, _NAV, j, (correction[0, j], correction[1, j], correction[2, j]))
-    for i in range(3):
-        for j in range(LANES):
-            state[_NAV + 9 + i, j] -= correction[3 + i, j]
-            state[_NAV + 12 + i, j] -= correction[6 + i, j] / metres[i]
-
-
-@inlined
-def _product(gain, k, row, innovation, j):
-    return (
-        gain[k, row, 0] * innovation[0, j]
-        + gain[k, row, 1] * innovation[1, j]
-        + gain[k, row, 2] * innovation[2, j]
-        + gain[k, row, 3] * innovation[3, j]
-        + gain[k, row, 4] * innovation[4, j]
-        + gain[k, row, 5] * innovation[5, j]
-    )
-
-
-@inlined
-def _squared(whitening, k, innovation, j):
-    """Normalised innovation squared: of the six, whitened by a lower triangular matrix."""
-    total = 0.0
-    for i in range(OBSERVED):
-        unit = 0.0
-        for c in range(i + 1):
-            unit += whitening[k, i, c] * innovation[c, j]
-        total += unit * unit
-    return total

@@ -20,11 +20,9 @@ import numpy as np
 
 from inscal.disturbance import Disturbance, draw_constants
 from inscal.kernel import LANES, compiled
-from inscal.motion import Motion, Site, cut_into_steps
 from inscal.parameters import COUNT
 from inscal.path import Path
 from inscal.record import OBSERVED, Record
-from inscal.schedule import Schedule
 from inscal.sensor import inverse_matrices, sense
 from inscal.state_model import NoiseModel
 from inscal.unit_effects import DELAY_TERMS, delay_series, effect
@@ -126,26 +124,14 @@ class Disturbed:
         return draw_constants(self.disturbance, source, self.path.turns, seed=seed, runs=runs)
 
 
-def disturb(
-    disturbance: Disturbance,
-    schedule: Schedule,
-    site: Site,
-    motion: Motion,
-    *,
-    update_interval: float,
-    dwell_step: float,
-    turn_step: float,
-) -> Disturbed | None:
+def disturb(disturbance: Disturbance, path: Path, update_interval: float) -> Disturbed | None:
     """Prepare disturbances for a path.
 
     Parameters
     ----------
     disturbance : Disturbance
-    schedule : Schedule
-    site : Site
-    motion : Motion
-        Of the schedule, at the site, in the same steps.
-    update_interval, dwell_step, turn_step : float
+    path : Path
+    update_interval : float
         s.
 
     Returns
@@ -155,14 +141,7 @@ def disturb(
     """
     if disturbance.absent:
         return None
-    steps = cut_into_steps(
-        schedule,
-        update_interval=update_interval,
-        dwell_step=dwell_step,
-        turn_step=turn_step,
-    )
-    path = Path(steps, motion, site)
-    rows, observed = [np.zeros((0, motion.steps, 6))], [np.zeros((0, OBSERVED))]
+    rows, observed = [np.zeros((0, path.motion.steps, 6))], [np.zeros((0, OBSERVED))]
     for source in _linear(disturbance):
         if source == _DELAY:
             rows.append(delay_series(path))

@@ -17,7 +17,8 @@ covariance T translates exactly into the one that the prior (m, P_0), final cova
 
 With it the passes are Gauss-Newton steps on the maximum a posteriori estimate (Bell, The iterated
 Kalman smoother as a Gauss-Newton method, SIAM J. Optim. 4, 1994). The vector x holds the constants:
-the parameters and the attitude error at the start.
+the parameters, the attitude error at the start, and augmented states that do not wander. What does
+(`inscal.augmentation`) is left out of it by every pass alike, as navigation is.
 
 A result that a further pass leaves as it is solves the normal equations of that estimate, wherever
 the passes started and whatever T_0. Their derivatives are those at error-free sensors. True ones
@@ -40,14 +41,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from inscal.augmentation import Augmented
+from inscal.disturbance import NOTHING, Disturbance
 from inscal.motion import Site
 from inscal.parameters import COUNT
 from inscal.recursion import ATTITUDE, Gains, InitialStd, compute_gains, refuse_degenerate
 from inscal.schedule import Schedule
-from inscal.state_model import NoiseModel, StateModel, build_transitions
+from inscal.state_model import NoiseModel, StateModel, Transitions, build_transitions
 
 CONSTANTS = COUNT + ATTITUDE
-"""Estimated constants: 27 parameters and three components of initial attitude error."""
+"""Estimated constants without augmentation: 27 parameters, three components of initial attitude
+error. Augmented states that do not wander follow them."""
 
 _TIGHT = 3.0
 """Sigmas of tight covariance in units of the final ones. The translation is exact in the linear
@@ -70,7 +74,9 @@ class Belief:
     update_interval : float
         From one update to the next, s.
     model : StateModel
-        The parameters estimated; all 27 if not said otherwise.
+        The parameters estimated; all 27 and no more if not said otherwise.
+    augmented : Disturbance
+        Sizes of what augmented states stand for: their priors, and how they wander.
     max_passes : int, optional
         A run that has not converged after `passes` gets up to so many, and every run is judged by
         its own data. Without it there are exactly `passes`, and estimates need only be finite.
@@ -86,6 +92,7 @@ class Belief:
     passes: int
     update_interval: float
     model: StateModel = field(default_factory=StateModel)
+    augmented: Disturbance = NOTHING
     max_passes: int | None = None
     convergence_sigma: float = 0.01
     innovation_limit: float = 100.0
@@ -107,13 +114,15 @@ class Estimator:
         Change of the constants, in their sigmas, that ends a run's passes.
     innovation_limit : float
         Innovation ratio beyond which a run has failed.
-    per_sigma, per_tight : ndarray, shape (30,)
-        One over the final sigma of each constant, and over that which a further pass starts from,
-        the root of T_0's diagonal; zero where not modelled.
-    translate : ndarray, shape (30, 30)
+    per_sigma, per_tight : ndarray, shape (c,)
+        Of c constants, 30 without augmented ones: one over the final sigma, and over that which a
+        further pass starts from, the root of T_0's diagonal; zero where not modelled.
+    translate : ndarray, shape (c, c)
         The P T^-1 of the module docstring.
-    pull : ndarray, shape (30, 30)
+    pull : ndarray, shape (c, c)
         The P P_0^-1 of the module docstring.
+    augmented : Augmented or None
+        Augmented states.
     """
 
     first: Gains
@@ -126,6 +135,7 @@ class Estimator:
     per_tight: np.ndarray
     translate: np.ndarray
     pull: np.ndarray
+    augmented: Augmented | None = None
 
     @property
     def parameter_covariance(self) -> np.ndarray:
@@ -138,6 +148,16 @@ class Estimator:
         return np.sqrt(np.diag(self.parameter_covariance))
 
     @property
+    def augmented_names(self) -> tuple[str, ...]:
+        """Names of the augmented states that do not wander, as they follow the constants."""
+        return self.augmented.names[: len(self.per_sigma) - CONSTANTS] if self.augmented else ()
+
+    @property
+    def augmented_std(self) -> np.ndarray:
+        """Predicted standard deviation of their estimates, SI."""
+        return np.sqrt(np.diag(self.first.covariance)[CONSTANTS:])
+
+    @property
     def judged(self) -> bool:
         """Whether runs are judged by their own data, and get further passes if they need them."""
         return self.max_passes > self.passes
@@ -147,7 +167,9 @@ class Estimator:
         return self.first if number == 0 or self.later is None else self.later
 
 
-def build_estimator(schedule: Schedule, site: Site, belief: Belief) -> Estimator:
+def build_estimator(
+    schedule: Schedule, site: Site, belief: Belief, augmented: Augmented | None = None
+) -> Estimator:
     """Gains of all passes for a schedule.
 
     Parameters
@@ -155,6 +177,8 @@ def build_estimator(schedule: Schedule, site: Site, belief: Belief) -> Estimator
     schedule : Schedule
     site : Site
     belief : Belief
+    augmented : Augmented, optional
+        Of the belief's model, where it has augmented states.
 
     Returns
     -------
@@ -176,18 +200,23 @@ def build_estimator(schedule: Schedule, site: Site, belief: Belief) -> Estimator
     max_passes = belief.passes if belief.max_passes is None else belief.max_passes
     if max_passes < belief.passes:
         raise ValueError(f"at most {max_passes} passes, but every run gets {belief.passes}")
+    if (augmented.names if augmented else ()) != model.augmented:
+        raise ValueError(f"augmented states {model.augmented} of the model are not prepared")
     transitions = build_transitions(
         schedule, site, model, noise, update_interval=belief.update_interval
     )
+    if augmented is not None:
+        transitions = replace(transitions, augmented=augmented.transitions)
     first = compute_gains(transitions, model, noise, std)
-    modelled = np.concatenate([model.columns, np.arange(COUNT, CONSTANTS)])
-    prior = np.concatenate([std.parameter, std.attitude])
+    modelled = np.concatenate([model.columns, np.arange(COUNT, len(first.covariance))])
+    prior = initial_constants(transitions, std)
     final = np.sqrt(np.diag(first.covariance))
     tight = np.minimum(_TIGHT * final, prior)
-    translate, pull, later = np.eye(CONSTANTS), np.zeros((CONSTANTS, CONSTANTS)), None
+    translate, pull, later = np.eye(len(prior)), np.zeros((len(prior), len(prior))), None
     if max_passes > 1:
         refuse_degenerate(first, model)
-        tight_std = replace(std, parameter=tight[:COUNT], attitude=tight[COUNT:])
+        parameter, attitude, further = np.split(tight, [COUNT, CONSTANTS])
+        tight_std = replace(std, parameter=parameter, attitude=attitude, augmented=further)
         later = compute_gains(transitions, model, noise, tight_std)
         # in units of the final sigmas: SI covariances span twenty orders of magnitude
         block, unit = np.ix_(modelled, modelled), final[modelled]
@@ -206,7 +235,15 @@ def build_estimator(schedule: Schedule, site: Site, belief: Belief) -> Estimator
         per_tight=_reciprocal(tight),
         translate=translate,
         pull=pull,
+        augmented=augmented,
     )
+
+
+def initial_constants(transitions: Transitions, std: InitialStd) -> np.ndarray:
+    """Standard deviations of all constants at the start, shape (c,)."""
+    about = transitions.augmented
+    further = np.zeros(0) if about is None else about.std[: about.constants]
+    return np.concatenate([std.parameter, std.attitude, further])
 
 
 def _reciprocal(std: np.ndarray) -> np.ndarray:

@@ -10,13 +10,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from inscal.augmentation import augment
 from inscal.calibrator import Calibration, History, calibrate, empty_history
 from inscal.convergence import NOT_FINITE
+from inscal.disturbance import draw_constants
 from inscal.disturbed import Disturbed, disturb, true_noise
 from inscal.estimator import Belief, Estimator, build_estimator
 from inscal.kernel import LANES
-from inscal.motion import Motion, Site, build_motion
+from inscal.motion import Motion, Site
 from inscal.parameters import COUNT
+from inscal.path import path_of
 from inscal.schedule import Schedule
 from inscal.simulation import Truth, Workspace, draw_truth, simulate
 from inscal.statistics import nees
@@ -81,28 +84,21 @@ def prepare(
     ValueError
         If the schedule is not a whole number of update intervals long, or a turn does not fit.
     """
-    motion = build_motion(
+    path = path_of(
         schedule,
         site,
         update_interval=belief.update_interval,
         dwell_step=dwell_step,
         turn_step=turn_step,
     )
+    augmented = augment(belief.model, belief.augmented, path, belief.update_interval)
     return Experiment(
         seed=seed,
         site=site,
-        motion=motion,
+        motion=path.motion,
         truth=truth,
-        estimator=build_estimator(schedule, site, belief),
-        disturbed=disturb(
-            truth.disturbance,
-            schedule,
-            site,
-            motion,
-            update_interval=belief.update_interval,
-            dwell_step=dwell_step,
-            turn_step=turn_step,
-        ),
+        estimator=build_estimator(schedule, site, belief, augmented),
+        disturbed=disturb(truth.disturbance, path, belief.update_interval),
     )
 
 
@@ -113,8 +109,10 @@ class Outcome:
     Attributes
     ----------
     truth, estimate : ndarray, shape (runs, 27)
+    augmented_truth, augmented_estimate : ndarray, shape (runs, n)
+        Of the augmented states that do not wander.
     nees : ndarray, shape (runs,)
-        Normalised estimation error squared over the modelled parameters.
+        Normalised estimation error squared over the modelled parameters of the 27.
     failed : ndarray of bool, shape (runs,)
         Runs without a result; their estimates and NEES are NaN.
     passes : ndarray of int, shape (runs,)
@@ -127,6 +125,8 @@ class Outcome:
 
     truth: np.ndarray
     estimate: np.ndarray
+    augmented_truth: np.ndarray
+    augmented_estimate: np.ndarray
     nees: np.ndarray
     failed: np.ndarray
     passes: np.ndarray
@@ -153,7 +153,7 @@ def run(experiment: Experiment, runs: Sequence[int], workspace: Workspace | None
     for part, true, calibration in tiles(experiment, runs, workspace):
         truth[part] = true
         calibrations.append(calibration)
-    return _outcome(experiment.estimator, truth, calibrations)
+    return _outcome(experiment, runs, truth, calibrations)
 
 
 def run_with_history(experiment: Experiment, number: int) -> tuple[Outcome, History]:
@@ -176,7 +176,7 @@ def run_with_history(experiment: Experiment, number: int) -> tuple[Outcome, Hist
     full = empty_history(int(calibration.passes[0]), experiment.motion.updates)
     [(_, truth, calibration)] = tiles(experiment, [number], history=full)
     history = History(full.estimate[..., :1], full.innovation[..., :1])
-    return _outcome(experiment.estimator, truth, [calibration]), history
+    return _outcome(experiment, [number], truth, [calibration]), history
 
 
 def tiles(
@@ -233,14 +233,21 @@ def tiles(
 
 
 def _outcome(
-    estimator: Estimator, truth: np.ndarray, calibrations: Sequence[Calibration]
+    experiment: Experiment,
+    runs: Sequence[int],
+    truth: np.ndarray,
+    calibrations: Sequence[Calibration],
 ) -> Outcome:
     """Join the calibrations of some runs, whose true parameters have shape (runs, 27)."""
+    estimator = experiment.estimator
+    augmented_truth = _augmented_truth(experiment, runs)
+    augmented = np.concatenate([c.augmented for c in calibrations], axis=1).T
     estimate = np.concatenate([c.estimate for c in calibrations], axis=1).T
     reason = np.concatenate([c.reason for c in calibrations])
     reason = np.where(np.isfinite(estimate).all(axis=1), reason, NOT_FINITE)
     failed = reason > 0
     estimate = np.where(failed[:, None], np.nan, estimate)
+    augmented = np.where(failed[:, None], np.nan, augmented)
     modelled = estimator.predicted_std > 0
     consistency = np.full(len(truth), np.nan)
     if not failed.all():
@@ -248,4 +255,17 @@ def _outcome(
         consistency[~failed] = nees((estimate - truth)[~failed][:, modelled], covariance)
     passes = np.concatenate([c.passes for c in calibrations])
     ratio = np.concatenate([c.innovation_ratio for c in calibrations])
-    return Outcome(truth, estimate, consistency, failed, passes, reason, ratio)
+    return Outcome(
+        truth, estimate, augmented_truth, augmented, consistency, failed, passes, reason, ratio
+    )
+
+
+def _augmented_truth(experiment: Experiment, runs: Sequence[int]) -> np.ndarray:
+    """True augmented states of some runs: what disturbances have drawn, else zero."""
+    estimator, about = experiment.estimator, experiment.truth.disturbance
+    groups = [g for g in estimator.augmented.groups if not g.wanders] if estimator.augmented else []
+    drawn = [
+        draw_constants(about, g.source, len(g.names), seed=experiment.seed, runs=runs).T
+        for g in groups
+    ]
+    return np.concatenate([np.empty((len(runs), 0)), *drawn], axis=1)

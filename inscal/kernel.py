@@ -33,10 +33,10 @@ CACHE_LINE = 64
 """Bytes; also the width of the widest vector."""
 
 RUN_MODULES = (
-    *("calibrator", "convergence", "directions", "disturbance", "disturbed", "earth", "estimator"),
-    *("experiment", "kernel", "motion", "navigation", "parameters", "path", "profile", "record"),
-    *("recursion", "rotation", "schedule", "sensor", "simulation", "state_model", "statistics"),
-    *("unit_effects", "units", "wander"),
+    *("augmentation", "calibrator", "closed_loop", "convergence", "directions", "disturbance"),
+    *("disturbed", "earth", "estimator", "experiment", "kernel", "motion", "navigation"),
+    *("parameters", "path", "profile", "record", "recursion", "response", "rotation", "schedule"),
+    *("sensor", "simulation", "state_model", "statistics", "unit_effects", "units", "wander"),
 )
 """Modules that the result of a run depends on: all that `inscal.experiment` imports."""
 

@@ -38,6 +38,65 @@ for _group, _names in GROUPS.items():
 
 
 @dataclass(frozen=True)
+class Augmentation:
+    """States beyond the 27 that a filter may have, for what else the truth may hold.
+
+    Attributes
+    ----------
+    source : str
+        Member of `inscal.disturbance.SOURCES`, whose effect on a record they have.
+    names : tuple of str
+        Of the states: the source's constants in their order, or its terms on each axis.
+    """
+
+    source: str
+    names: tuple[str, ...]
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the states move: Gauss-Markov biases beside the constant ones."""
+        return self.source.endswith("_wander")
+
+
+def _axial(name: str) -> Augmentation:
+    return Augmentation(name, tuple(f"{name}_{a}" for a in _AXES))
+
+
+def _crossed(source: str, name: str) -> Augmentation:
+    return Augmentation(source, tuple(f"{name}_{a}{b}" for a in _AXES for b in _AXES if a != b))
+
+
+AUGMENTATIONS: dict[str, Augmentation] = {
+    "off_axis_lever_arm": _crossed("off_axis_lever_arm", "lever_arm"),
+    "table_offset": _axial("table_offset"),
+    "gyro_accel_delay": Augmentation("gyro_accel_delay", ("gyro_accel_delay",)),
+    "accel_cubic": _axial("accel_cubic"),
+    "accel_asymmetry": _axial("accel_asymmetry"),
+    "accel_cross": _crossed("accel_cross_coupling", "accel_cross"),
+    "accel_pendulous": _crossed("accel_pendulous", "accel_pendulous"),
+    "gyro_asymmetry": _axial("gyro_asymmetry"),
+    "gyro_g_sensitivity": Augmentation(
+        "gyro_g_sensitivity", tuple(f"gyro_g_sensitivity_{a}{b}" for a in _AXES for b in _AXES)
+    ),
+    "gyro_drift": _axial("gyro_drift"),
+    "accel_drift": _axial("accel_drift"),
+    "gyro_scale_drift": _axial("gyro_scale_drift"),
+    "accel_scale_drift": _axial("accel_scale_drift"),
+    "gravity": Augmentation("gravity", ("gravity",)),
+    "latitude": Augmentation("latitude", ("latitude",)),
+    "deflection": Augmentation("deflection", ("deflection_north", "deflection_east")),
+    "gyro_wander": _axial("gyro_wander"),
+    "accel_wander": _axial("accel_wander"),
+}
+"""Groups of augmented states by name, in state order, those that wander last.
+
+``lever_arm_xy`` is the y component of the x accelerometer's arm, ``accel_cross_xy`` what f_x f_y
+and ``accel_pendulous_xy`` what f_y^2 does to the x accelerometer, ``gyro_g_sensitivity_xy`` what
+f_y does to the x gyro.
+"""
+
+
+@dataclass(frozen=True)
 class Kind:
     """What a table speaks of: parameters of one physical kind share a unit.
 

@@ -7,8 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from inscal import earth
-from inscal.motion import Motion, Site, Steps
+from inscal.motion import Motion, Site, Steps, build_motion, cut_into_steps
 from inscal.rotation import mean_rotation
+from inscal.schedule import Schedule
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 _TAU, _SHARE = 0.5 * (1.0 + _NODES), 0.5 * _WEIGHTS
@@ -97,6 +98,35 @@ def _turned(vector: np.ndarray, force: np.ndarray) -> np.ndarray:
     a, b = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
     once = np.cross(vector, force)
     return np.asarray(force + a * once + b * np.cross(vector, once))
+
+
+def path_of(
+    schedule: Schedule, site: Site, *, update_interval: float, dwell_step: float, turn_step: float
+) -> Path:
+    """Path of a schedule.
+
+    Parameters
+    ----------
+    schedule : Schedule
+    site : Site
+    update_interval, dwell_step, turn_step : float
+        As of `inscal.motion.cut_into_steps`, s.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ValueError
+        If the schedule is not a whole number of update intervals long, or a turn does not fit.
+    """
+    stepped = {
+        "update_interval": update_interval,
+        "dwell_step": dwell_step,
+        "turn_step": turn_step,
+    }
+    return Path(cut_into_steps(schedule, **stepped), build_motion(schedule, site, **stepped), site)
 
 
 def attitude_effect(path: Path, psi: np.ndarray, gained: np.ndarray) -> np.ndarray:

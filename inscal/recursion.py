@@ -17,6 +17,9 @@ constants first, L falls into blocks that fit the model:
 
     L = [ L_cc   0   ]      constants do not move, and no noise enters them
         [ L_nc  L_nn ]      navigation states
+
+Augmented states that are constants follow the initial attitude; those that wander stand before the
+navigation states and move with them.
 """
 
 from dataclasses import dataclass
@@ -29,6 +32,7 @@ from inscal.record import OBSERVED
 from inscal.state_model import (
     NAVIGATION,
     OBSERVED_STATES,
+    AugmentedTransitions,
     NoiseModel,
     StateModel,
     Transitions,
@@ -38,6 +42,7 @@ ATTITUDE = 3
 """Appended states: the attitude error at the start."""
 _FIRST = OBSERVED_STATES.start
 _VECTOR = 8  # doubles
+_ALIKE = 1e-9  # of the largest effect of an augmented state: differences that are rounding
 
 
 @dataclass(frozen=True)
@@ -52,12 +57,15 @@ class InitialStd:
         m/s and m, each component.
     parameter : ndarray, shape (27,)
         In state order.
+    augmented : ndarray, shape (constants,), optional
+        Of augmented states that do not wander, where they are not those of the transitions.
     """
 
     attitude: np.ndarray
     velocity: float
     position: float
     parameter: np.ndarray
+    augmented: np.ndarray | None = None
 
     @property
     def navigation(self) -> np.ndarray:
@@ -71,12 +79,13 @@ class Gains:
 
     Attributes
     ----------
-    gain : ndarray, shape (updates, 39, 6)
+    gain : ndarray, shape (updates, 39 + augmented, 6)
         Kalman gains of the 9 navigation states, all 27 parameters (zero rows where the filter does
-        not model one) and the initial attitude.
-    covariance : ndarray, shape (30, 30)
-        Final covariance of the 27 parameters (zero where not modelled) and the initial attitude.
-    root : ndarray, shape (30, 30)
+        not model one), the initial attitude, and the augmented states.
+    covariance : ndarray, shape (c, c)
+        Final covariance of the constants: the 27 parameters (zero where not modelled), the initial
+        attitude, and the augmented states that do not wander; c is 30 without those.
+    root : ndarray, shape (c, c)
         Its lower triangular square root: ``covariance = root @ root.T``.
     parameter_std : ndarray, shape (updates, 27)
         Standard deviation of the parameters after every update.
@@ -117,31 +126,35 @@ def compute_gains(
     Gains
     """
     updates, modelled = len(transitions.index), len(model.columns)
-    constants = modelled + ATTITUDE
+    moving, of_constants, noise_root, index = _by_update(transitions)
+    augmented = transitions.augmented.constants if transitions.augmented else 0
+    constants, fixed = modelled + ATTITUDE + augmented, parameters.COUNT + ATTITUDE + augmented
+    wandering = moving.shape[1] - NAVIGATION
     rows = np.concatenate(
         [
             NAVIGATION + model.columns,
-            NAVIGATION + parameters.COUNT + np.arange(ATTITUDE),
+            NAVIGATION + np.arange(parameters.COUNT, fixed),
+            NAVIGATION + fixed + np.arange(wandering),
             np.arange(NAVIGATION),
         ]
     )
-    gain = np.zeros((updates, NAVIGATION + parameters.COUNT + ATTITUDE, OBSERVED))
+    gain = np.zeros((updates, NAVIGATION + fixed + wandering, OBSERVED))
     variance = np.empty((updates, modelled))
     innovation_root = np.zeros((updates, OBSERVED, OBSERVED))
-    columns = initial_root(model, std)
+    columns = initial_root(model, std, transitions.augmented)
     _recur(
         columns,
-        transitions.navigation.T.copy(),
-        transitions.parameter.mT.copy(),
-        transitions.index,
-        square_root(transitions.noise).T.copy(),
+        moving,
+        of_constants,
+        noise_root,
+        index,
         np.sqrt(np.diag(observation_covariance(noise))),
         rows,
         gain,
         variance,
         innovation_root,
     )
-    root = np.zeros((parameters.COUNT + ATTITUDE,) * 2)
+    root = np.zeros((fixed, fixed))
     place = rows[:constants] - NAVIGATION
     root[np.ix_(place, place)] = columns[:constants, :constants].T
     std_history = np.zeros((updates, parameters.COUNT))
@@ -171,10 +184,10 @@ def refuse_degenerate(gains: Gains, model: StateModel) -> None:
         If a predicted sigma of a modelled constant is zero or not finite.
     """
     sigma, modelled = np.sqrt(np.diag(gains.covariance)), set(model.columns)
+    names = [*parameters.NAMES, *["the attitude at the start"] * ATTITUDE, *model.augmented]
     for constant, std in enumerate(sigma):
-        attitude = constant >= parameters.COUNT
-        if (attitude or constant in modelled) and not 0.0 < std < np.inf:
-            name = "the attitude at the start" if attitude else parameters.NAMES[constant]
+        if (constant >= parameters.COUNT or constant in modelled) and not 0.0 < std < np.inf:
+            name = names[constant]
             raise ValueError(
                 f"the filter's predicted sigma of {name} is {std:g}: its prior must be above zero, "
                 "and all priors and noise of a size that double precision holds"
@@ -189,39 +202,90 @@ def square_root(covariance: np.ndarray) -> np.ndarray:
     return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
-def initial_root(model: StateModel, std: InitialStd) -> np.ndarray:
+def _by_update(
+    transitions: Transitions,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Transposed transitions of the states that move, of constants to them, and roots of noise.
+
+    Of each kind of update, and the kind of every update. What moves is those that wander, w, and
+    navigation, n:
+
+        w' = phi w + a u,    n' = Phi n + B (w + b u + c v) + noise,
+
+    B being the effect of w on navigation.
+    """
+    about, noise = transitions.augmented, square_root(transitions.noise).T
+    if about is None:
+        kinds = np.zeros_like(transitions.index), transitions.index
+        return (
+            transitions.navigation.T[None].copy(),
+            transitions.parameter.mT.copy(),
+            noise[None].copy(),
+            np.stack(kinds, axis=1),
+        )
+    index, first = transitions.index, np.unique(transitions.index, return_index=True)[1]
+    steady = about.navigation[first][index]
+    scale = np.abs(about.navigation).max(axis=(0, 1))
+    if (np.abs(steady - about.navigation) > _ALIKE * scale).any():  # drifts differ in every update
+        index, first = np.arange(len(index)), np.arange(len(index))
+    of_parameters = transitions.parameter[transitions.index[first]].mT
+    of_augmented, w = about.navigation[first].mT, about.wandering
+    none = np.zeros((len(first), ATTITUDE, NAVIGATION))
+    constants = [of_parameters, none, of_augmented[:, : about.constants]]
+    moving = np.zeros((len(first), w + NAVIGATION, w + NAVIGATION))
+    moving[:, range(w), range(w)] = about.decay
+    moving[:, :w, w:] = of_augmented[:, about.constants :]
+    moving[:, w:, w:] = transitions.navigation.T
+    root = np.zeros((len(first), 2 * w + NAVIGATION, w + NAVIGATION))
+    root[:, range(w), range(w)] = about.drive
+    for unit in range(2):
+        share = about.driven[:, unit, None]
+        root[:, unit * w : (unit + 1) * w, w:] = share * of_augmented[:, about.constants :]
+    root[:, 2 * w :, w:] = noise
+    return moving, np.concatenate(constants, axis=1), root, np.stack([index, index], axis=1)
+
+
+def initial_root(
+    model: StateModel, std: InitialStd, augmented: AugmentedTransitions | None = None
+) -> np.ndarray:
     """Columns of L at the start, each in a row whose end is padded to whole vectors."""
-    constant = np.concatenate([std.parameter[model.columns], std.attitude])
-    first = len(constant)
+    further = np.zeros(0) if augmented is None else augmented.std.copy()
+    if std.augmented is not None:
+        further[: len(std.augmented)] = std.augmented
+    own = len(model.columns)
+    still = np.concatenate([std.parameter[model.columns], std.attitude, further])
+    first = len(still)  # those that wander move, but what they are at the start does not
     states = first + NAVIGATION
     columns = np.zeros((states, -(-states // _VECTOR) * _VECTOR))
-    columns[range(first), range(first)] = constant
+    columns[range(first), range(first)] = still
     # at the start the attitude error is the appended state itself
-    columns[range(first - ATTITUDE, first), range(first, first + ATTITUDE)] = std.attitude
+    columns[range(own, own + ATTITUDE), range(first, first + ATTITUDE)] = std.attitude
     moving = np.arange(first + ATTITUDE, states)
     columns[moving, moving] = np.repeat([std.velocity, std.position], 3)
     return columns
 
 
 @compiled
-def _recur(columns, phi_nav, phi_par, index, q, r, rows, gain, variance, roots):
+def _recur(columns, phi_moving, phi_par, q, index, r, rows, gain, variance, roots):
     """Predict and update the root in place through all updates.
 
     `columns` holds the columns of L as its rows, so that what works on columns reads memory in
-    order; `phi_nav`, `phi_par` and `q` are transposed likewise, and `r` is a standard deviation.
+    order; `phi_moving`, `phi_par` and `q` are transposed likewise, and `r` is a standard deviation.
     """
-    first = len(columns) - NAVIGATION
+    moving = phi_moving.shape[1]
+    first, seen = len(columns) - moving, len(columns) - NAVIGATION + _FIRST
     kept = np.empty((OBSERVED, columns.shape[1]))  # gains times the root of S, transposed
-    stacked = np.empty((2 * NAVIGATION, NAVIGATION))
+    stacked = np.empty((moving + q.shape[1], moving))
     for k in range(len(index)):
-        _predict(columns, first, phi_nav, phi_par[index[k]], q, stacked)
+        kind = index[k, 0]
+        _predict(columns, first, phi_moving[kind], phi_par[index[k, 1]], q[kind], stacked)
         low = roots[k]  # of S, the covariance of the innovations
         for i in range(OBSERVED):
-            low[i, i] = _observe(columns, first + _FIRST + i, r[i], kept[i])
+            low[i, i] = _observe(columns, seen + i, r[i], kept[i])
             for j in range(i):
-                low[i, j] = kept[j, first + _FIRST + i]
+                low[i, j] = kept[j, seen + i]
         _gain(kept, low, rows, gain[k])
-        for c in range(phi_par.shape[1]):
+        for c in range(variance.shape[1]):
             total = 0.0
             for j in range(c + 1):
                 total += columns[j, c] * columns[j, c]
@@ -229,33 +293,35 @@ def _recur(columns, phi_nav, phi_par, index, q, r, rows, gain, variance, roots):
 
 
 @inlined
-def _predict(columns, first, phi_nav, phi_par, q, stacked):
+def _predict(columns, first, phi_moving, phi_par, q, stacked):
     """Carry the root over an interval.
 
-    With F = [phi_nav phi_par] the rows of the transition that are not identity,
+    With F = [phi_moving phi_par] the rows of the transition that are not identity, of which those
+    of constants are zero but for navigation,
 
-        L_nc <- F (L_nc, L_cc),   L_nn <- the triangle of [phi_nav L_nn  G],   Q = G G^T.
+        L_mc <- F (L_mc, L_cc),   L_mm <- the triangle of [phi_moving L_mm  G],   Q = G G^T.
     """
-    part = np.empty(NAVIGATION)
+    moving, wandering = len(phi_moving), len(phi_moving) - NAVIGATION
+    part = np.empty(moving)
     for j in range(len(columns)):
         part[:] = 0.0
-        for c in range(NAVIGATION):
+        for c in range(moving):
             f = columns[j, first + c]
-            for i in range(NAVIGATION):
-                part[i] += phi_nav[c, i] * f
+            for i in range(moving):
+                part[i] += phi_moving[c, i] * f
         for c in range(j, len(phi_par)):
             f = columns[j, c]
             for i in range(NAVIGATION):
-                part[i] += phi_par[c, i] * f
-        for i in range(NAVIGATION):
+                part[wandering + i] += phi_par[c, i] * f
+        for i in range(moving):
             if j < first:
                 columns[j, first + i] = part[i]
             else:
                 stacked[j - first, i] = part[i]
-    stacked[NAVIGATION:] = q
+    stacked[moving:] = q
     _triangularise(stacked)
-    for j in range(NAVIGATION):
-        for i in range(j, NAVIGATION):
+    for j in range(moving):
+        for i in range(j, moving):
             columns[first + j, first + i] = stacked[j, i]
 
 

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
-from inscal.disturbed import Disturbed
+from inscal.disturbance import Disturbance
+from inscal.path import Path
 from inscal.state_model import NAVIGATION, navigation_dynamics
 from inscal.unit_effects import effect
 
@@ -51,21 +52,22 @@ class Response:
         return np.asarray(np.add.reduceat(each, self.update_step[:-1], axis=0))
 
 
-def response(disturbed: Disturbed) -> Response:
+def response(path: Path, update_interval: float) -> Response:
     """Response of navigation on a path.
 
     Parameters
     ----------
-    disturbed : Disturbed
+    path : Path
+    update_interval : float
+        s.
 
     Returns
     -------
     Response
     """
-    path = disturbed.path
     steps, dynamics = path.steps, navigation_dynamics(path.site)
     made = Response(np.empty((len(steps.duration), NAVIGATION, 6)), steps.update_step)
-    left = (made.update + 1) * disturbed.interval - path.edges[1:]
+    left = (made.update + 1) * update_interval - path.edges[1:]
     kinds, kind = np.unique(
         np.round(np.stack([steps.duration, np.maximum(left, 0.0)], axis=1), 9),
         axis=0,
@@ -100,13 +102,18 @@ class ConstantsResponse:
     observation: np.ndarray
 
 
-def of_constants(made: Response, disturbed: Disturbed, source: str) -> ConstantsResponse:
+def of_constants(
+    made: Response, path: Path, disturbance: Disturbance, source: str
+) -> ConstantsResponse:
     """Response to the constants of a source.
 
     Parameters
     ----------
     made : Response
-    disturbed : Disturbed
+    path : Path
+        The same.
+    disturbance : Disturbance
+        Its times are used; sizes are not.
     source : str
         Key of `inscal.disturbance.COMPONENTS`.
 
@@ -114,5 +121,5 @@ def of_constants(made: Response, disturbed: Disturbed, source: str) -> Constants
     -------
     ConstantsResponse
     """
-    unit = effect(disturbed.path, disturbed.disturbance, source)
+    unit = effect(path, disturbance, source)
     return ConstantsResponse(made.by_update(unit.increments), unit.observations.T)

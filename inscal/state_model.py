@@ -48,8 +48,9 @@ class StateModel:
     Attributes
     ----------
     groups : tuple of str
-        Keys of `parameters.GROUPS`. All six make the paper's 36 states; leaving out
-        ``accel_quadratic`` and ``lever_arm`` makes the classic 30.
+        Keys of `parameters.GROUPS` and of `parameters.AUGMENTATIONS`, in any order. The six of the
+        former make the paper's 36 states; leaving out ``accel_quadratic`` and ``lever_arm`` makes
+        the classic 30.
     """
 
     groups: tuple[str, ...] = tuple(parameters.GROUPS)
@@ -66,9 +67,20 @@ class StateModel:
         )
 
     @property
+    def augmentations(self) -> dict[str, parameters.Augmentation]:
+        """Augmented groups by name, in state order."""
+        every = parameters.AUGMENTATIONS
+        return {name: about for name, about in every.items() if name in self.groups}
+
+    @property
+    def augmented(self) -> tuple[str, ...]:
+        """Names of the augmented states, in state order."""
+        return tuple(name for about in self.augmentations.values() for name in about.names)
+
+    @property
     def states(self) -> int:
         """Number of filter states."""
-        return NAVIGATION + len(self.columns)
+        return NAVIGATION + len(self.columns) + len(self.augmented)
 
 
 @dataclass(frozen=True)
@@ -112,6 +124,8 @@ class Transitions:
         Continuous dynamics of the navigation states, 1/s.
     interval : float
         Between updates, s.
+    augmented : AugmentedTransitions or None
+        Of the augmented states.
     """
 
     navigation: np.ndarray
@@ -120,6 +134,43 @@ class Transitions:
     noise: np.ndarray
     dynamics: np.ndarray
     interval: float
+    augmented: "AugmentedTransitions | None" = None
+
+
+@dataclass(frozen=True)
+class AugmentedTransitions:
+    """What augmented states do between updates.
+
+    Attributes
+    ----------
+    std : ndarray, shape (constants + wandering,)
+        Standard deviations at the start, SI.
+    navigation : ndarray, shape (updates, 9, constants + wandering)
+        Effect on the navigation states over each interval of what they are at its start.
+    decay : ndarray, shape (wandering,)
+        Transition of those that wander over an interval.
+    drive : ndarray, shape (wandering,)
+        Standard deviation of what is added to each meanwhile, by a unit normal u.
+    driven : ndarray, shape (wandering, 2)
+        What of u and of another unit normal acts on navigation within the interval, as a share of
+        the state's own effect there.
+    """
+
+    std: np.ndarray
+    navigation: np.ndarray
+    decay: np.ndarray
+    drive: np.ndarray
+    driven: np.ndarray
+
+    @property
+    def wandering(self) -> int:
+        """Number of states that wander; they are the last."""
+        return len(self.decay)
+
+    @property
+    def constants(self) -> int:
+        """Number of those that do not."""
+        return len(self.std) - len(self.decay)
 
 
 def navigation_dynamics(site: Site) -> np.ndarray:

@@ -103,6 +103,11 @@ def effect(path: Path, disturbance: Disturbance, source: str) -> Effect:
     return Effect(change, seen)
 
 
+def bias(path: Path, source: str) -> np.ndarray:
+    """Effect of a bias on each axis of the sensors that a source names first, (3, steps, 6)."""
+    return _on_axes(source, -np.repeat(path.steps.duration[:, None], 3, axis=1))
+
+
 def trend(edges: np.ndarray, time: float) -> np.ndarray:
     """Integral over each step of what rises by one from first to last edge with mean zero, s.
 

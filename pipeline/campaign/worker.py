@@ -66,15 +66,17 @@ def attempt(experiment: Experiment, runs: list[int]) -> Batch:
         return Batch(run(experiment, runs, workspace), {})
     except Exception as error:
         if len(runs) == 1:
-            return Batch(_nothing(), {runs[0]: f"{type(error).__name__}: {error}"})
+            augmented = len(experiment.estimator.augmented_names)
+            return Batch(_nothing(augmented), {runs[0]: f"{type(error).__name__}: {error}"})
     return joined([attempt(experiment, [number]) for number in runs])
 
 
-def _nothing() -> Outcome:
+def _nothing(augmented: int) -> Outcome:
     """Outcome of one run that an exception ended."""
     row, nan = np.full((1, COUNT), np.nan), np.full(1, np.nan)
+    further = np.full((1, augmented), np.nan)
     failed, no_passes = np.ones(1, dtype=bool), np.zeros(1, dtype=np.int64)
-    return Outcome(row, row, nan, failed, no_passes, np.full(1, RAISED), nan)
+    return Outcome(row, row, further, further, nan, failed, no_passes, np.full(1, RAISED), nan)
 
 
 def joined(batches: Sequence[Batch]) -> Batch:

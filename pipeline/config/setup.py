@@ -156,7 +156,7 @@ class Setup:
         from inscal.kernel import is_compiled
         from inscal.simulation import Truth
 
-        if not is_compiled("calibrator"):
+        if not is_compiled("closed_loop"):
             note("compiling the kernels, once: some ten seconds")
         about = self.config.estimator
         belief = Belief(

@@ -34,7 +34,8 @@ def outcome(runs, failed=()):
     estimate[bad] = np.nan
     passes, reason = np.full(len(bad), 2), bad.astype(np.int8)
     nees, ratio = np.where(bad, np.nan, numbers + 0.5), np.where(bad, np.nan, 1.0)
-    return Outcome(truth, estimate, nees, bad, passes, reason, ratio)
+    further = np.empty((len(bad), 0))
+    return Outcome(truth, estimate, further, further, nees, bad, passes, reason, ratio)
 
 
 def batch(runs, failed=()):

@@ -160,6 +160,10 @@ def test_bounds_count_runs_outside_and_let_the_expected_be():
     # 1.6 of 128 runs are expected outside 2.5 sigma; outside 30 sigma, none
     assert [check.passed for check in checks] == [True, False] + [True] * 25
     assert checks[0].upper == stats.binom.isf(5e-5 / 27, 128, 2 * stats.norm.sf(2.5))
+    near = np.linspace(0.5, 3.0, COUNT)
+    upper = [check.upper for check in campaign_checks.bounds(error, covariance, near)]
+    assert upper == stats.binom.isf(5e-5 / 27, 128, 2 * stats.norm.sf(near)).tolist()
+    assert upper != stats.binom.isf(7.5e-5 / 27, 128, 2 * stats.norm.sf(near)).tolist()
 
 
 def test_what_is_not_modelled_is_not_asked():

@@ -13,6 +13,7 @@ from inscal.disturbed import disturb
 from inscal.estimator import Belief
 from inscal.experiment import prepare
 from inscal.motion import Site
+from inscal.path import path_of
 from inscal.recursion import InitialStd, compute_gains
 from inscal.simulation import Truth, TruthModel
 from inscal.state_model import NoiseModel, StateModel, build_transitions
@@ -24,6 +25,7 @@ STD = InitialStd(np.deg2rad([0.01, 0.01, 0.05]), 0.01, 1.0, 0.1 * SIZE)
 SCHEDULE = paper_schedule(25, position_duration=60.0)
 TIMES = {"gyro_wander_time": 200.0, "accel_wander_time": 200.0, "vibration_frequency": 3.3}
 MODEL = StateModel()
+STEPS = {"update_interval": 1.0, "dwell_step": 1.0, "turn_step": 0.1}
 # sizes that move some estimate by about a sigma, and others by no more
 SIZES = {
     **{"gyro_drift": 1e-8, "accel_drift": 1e-5, "gyro_scale_drift": 1e-6},
@@ -51,24 +53,16 @@ def plain():
         SCHEDULE,
         SITE,
         Truth(TruthModel("fixed", np.zeros(27)), NOISE, STD, Disturbance()),
-        Belief(NOISE, STD, passes=2, update_interval=1.0),
-        dwell_step=1.0,
-        turn_step=0.1,
+        Belief(NOISE, STD, passes=2, update_interval=STEPS["update_interval"]),
+        dwell_step=STEPS["dwell_step"],
+        turn_step=STEPS["turn_step"],
     )
 
 
 def disturbed_by(**sizes):
     """The same experiment with disturbances."""
     about = Disturbance(**TIMES | sizes)
-    made = disturb(
-        about,
-        SCHEDULE,
-        SITE,
-        plain().motion,
-        update_interval=1.0,
-        dwell_step=1.0,
-        turn_step=0.1,
-    )
+    made = disturb(about, path_of(SCHEDULE, SITE, **STEPS), STEPS["update_interval"])
     truth = dataclasses.replace(plain().truth, disturbance=about)
     return dataclasses.replace(plain(), truth=truth, disturbed=made)
 

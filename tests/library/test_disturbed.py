@@ -15,6 +15,7 @@ from inscal.experiment import prepare, run
 from inscal.free_inertial import fly
 from inscal.kernel import LANES
 from inscal.motion import Site
+from inscal.path import path_of
 from inscal.recursion import InitialStd
 from inscal.schedule import attitudes
 from inscal.simulation import Truth, TruthModel, Workspace, simulate
@@ -70,7 +71,7 @@ def recorded(experiment, runs=RUNS, noise=NOISE, motion=None):
 
 def with_(plain, **sizes):
     about = Disturbance(**sizes)
-    made = disturb(about, SCHEDULE, SITE, plain.motion, update_interval=1.0, **STEPS)
+    made = disturb(about, path_of(SCHEDULE, SITE, update_interval=1.0, **STEPS), 1.0)
     return dataclasses.replace(plain, disturbed=made)
 
 

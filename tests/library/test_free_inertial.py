@@ -4,12 +4,15 @@ import numpy as np
 import pytest
 from conftest import SITES, paper_truth
 
-from inscal import navigation, parameters
+from inscal import kernel, navigation, parameters
 from inscal.free_inertial import fly, initial_state, navigate
 from inscal.motion import build_motion
 from inscal.navigation import advance, site_constants
+from inscal.recursion import InitialStd
 from inscal.schedule import Schedule, turns_of
 from inscal.sensor import compensate
+from inscal.simulation import Workspace, simulate
+from inscal.state_model import NoiseModel
 
 SIZE = paper_truth() * parameters.si_units(1673.84e-9)
 EVERY, LANES = 7, 3
@@ -53,6 +56,22 @@ def test_course_is_that_of_single_steps(flown):
     np.testing.assert_allclose(flight.velocity, seen[:, 9:11], rtol=1e-9, atol=1e-12)
     metres = site.metres[:2, None]
     np.testing.assert_allclose(flight.position, seen[:, 12:14] * metres, rtol=1e-9, atol=1e-9)
+
+
+def test_in_ramps_the_true_parameters_keep_a_body_where_it_is():
+    turns = turns_of([(-45.0, "Z"), (90.0, "X")])
+    schedule = Schedule(("West", "South", "Up"), turns, 30.0, 0.2, 0.05)
+    site = SITES["laboratory"]
+    motion = build_motion(schedule, site, update_interval=1.0, dwell_step=1.0, turn_step=0.2)
+    assert (motion.ramp != 0.0).any()
+    truth = np.tile(SIZE[:, None], kernel.LANES)
+    record = simulate(
+        truth, motion, NoiseModel(0.0, 0.0, 0.0, 0.0), InitialStd(np.zeros(3), 0.0, 0.0, SIZE),
+        seed=1, runs=range(kernel.LANES), workspace=Workspace.of(motion),
+    )  # fmt: skip
+    known, not_known = (fly(record.sensors, x, motion, site, every=1) for x in (truth, 0.0 * truth))
+    assert np.abs(known.velocity).max() < 1e-5
+    assert np.abs(not_known.velocity).max() > 1e-2
 
 
 def test_a_record_may_come_in_pieces(flown):

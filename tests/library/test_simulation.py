@@ -110,6 +110,13 @@ def test_truth_depends_on_seed_and_run():
         assert drawn[1, 256] == tuple(draw_truth(model, 1, 256))
 
 
+@pytest.mark.parametrize("distribution", ["fixed", "normal", "uniform"])
+def test_root_mean_square_is_that_of_the_draws(distribution):
+    model = TruthModel(distribution, -SIZE if distribution == "fixed" else SIZE)
+    drawn = np.array([draw_truth(model, 1, run) for run in range(4000)])
+    np.testing.assert_allclose(np.sqrt(np.square(drawn).mean(axis=0)), model.rms, rtol=0.06)
+
+
 def test_a_record_depends_on_seed_and_run(motion):
     """Runs that are equal modulo a power of two are others, in all that is drawn."""
     runs = [0, 256, 2**16, 2**32, *range(1, LANES - 3)]
