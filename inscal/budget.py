@@ -24,12 +24,12 @@ from functools import cached_property
 
 import numpy as np
 
-from inscal.disturbance import Disturbance
+from inscal.disturbance import NOTHING, Disturbance
 from inscal.disturbed import Disturbed, true_noise
 from inscal.kernel import compiled
 from inscal.parameters import COUNT
 from inscal.record import OBSERVED
-from inscal.recursion import Gains, InitialStd, observation_covariance
+from inscal.recursion import ATTITUDE, Gains, InitialStd, observation_covariance
 from inscal.response import ConstantsResponse, Response, of_constants, response
 from inscal.state_model import (
     NAVIGATION,
@@ -40,6 +40,9 @@ from inscal.state_model import (
     noise_covariance,
 )
 from inscal.wander import discrete, terms_of
+
+BELIEVED = "believed_"
+"""Begins the names of formal sources that augmented states are about."""
 
 PRIORS = {"attitude": slice(0, 3), "velocity": slice(3, 6), "position": slice(6, 9)}
 """Initial errors of navigation, by name."""
@@ -55,13 +58,16 @@ class Sensitivity:
         Of the navigation states at the end of each update interval.
     observation : ndarray, shape (updates, m, OBSERVED)
         Of each observation.
-    initial : ndarray, shape (m, 9 + n)
-        Of navigation states and modelled parameters at the start.
+    initial : ndarray, shape (m, 9 + n + a)
+        Of navigation states, modelled parameters and augmented states at the start.
+    wandering : ndarray, shape (updates, m, w)
+        Of the augmented states that wander, at the end of each update interval.
     """
 
     process: np.ndarray
     observation: np.ndarray
     initial: np.ndarray
+    wandering: np.ndarray
 
 
 def sensitivity(
@@ -89,33 +95,45 @@ def sensitivity(
     -------
     Sensitivity
     """
-    every, columns = len(transitions.index), model.columns
+    every, columns, about = len(transitions.index), model.columns, transitions.augmented
     last = every if updates is None else updates
-    states = np.concatenate([np.arange(NAVIGATION), NAVIGATION + columns])
-    gain = np.ascontiguousarray(gains.gain[:last, states])
+    gain = np.ascontiguousarray(gains.gain[:last, state_rows(model)])
     # a state is what is true less what is estimated
-    of_states = np.zeros((COUNT, len(states)))
+    of_states = np.zeros((COUNT, gain.shape[1]))
     of_states[columns, NAVIGATION + np.arange(len(columns))] = -1.0
     rows = of_states[list(parameters)]
     process = np.zeros((every, len(rows), NAVIGATION))
     observation = np.zeros((every, len(rows), OBSERVED))
+    wandering = np.zeros((every, len(rows), about.wandering if about else 0))
     _sweep(
         rows,
         transitions.navigation,
         transitions.parameter,
         transitions.index[:last],
+        about.navigation if about else np.zeros((every, NAVIGATION, 0)),
+        about.decay if about else np.zeros(0),
         gain,
         OBSERVED_STATES.start,
         process,
         observation,
+        wandering,
     )
-    return Sensitivity(process, observation, rows)
+    return Sensitivity(process, observation, rows, wandering)
+
+
+def state_rows(model: StateModel) -> np.ndarray:
+    """Rows of gains of the navigation states, the modelled parameters, and augmented states."""
+    further = NAVIGATION + COUNT + ATTITUDE + np.arange(len(model.augmented))
+    return np.concatenate([np.arange(NAVIGATION), NAVIGATION + model.columns, further])
 
 
 @compiled
-def _sweep(rows, phi, parameter, index, gain, first, process, observation):
-    """Fill `process` and `observation` from the last update on; `rows` changes in place."""
-    count, n = len(rows), rows.shape[1] - NAVIGATION
+def _sweep(
+    rows, phi, parameter, index, augmented, decay, gain, first, process, observation, wandering
+):
+    """Fill the last three from the last update on; `rows` changes in place."""
+    count, n = len(rows), parameter.shape[2]
+    further, moving = NAVIGATION + n, rows.shape[1] - len(decay)
     for k in range(len(index) - 1, -1, -1):
         observation[k] = rows @ gain[k]
         for i in range(count):
@@ -136,6 +154,14 @@ def _sweep(rows, phi, parameter, index, gain, first, process, observation):
                 for m in range(NAVIGATION):
                     total += now[i, m] * column[m, j]
                 rows[i, NAVIGATION + j] += total
+            for j in range(len(decay)):
+                wandering[k, i, j] = rows[i, moving + j]
+                rows[i, moving + j] *= decay[j]
+            for j in range(augmented.shape[2]):
+                total = 0.0
+                for m in range(NAVIGATION):
+                    total += now[i, m] * augmented[k, m, j]
+                rows[i, further + j] += total
 
 
 @dataclass(frozen=True)
@@ -147,8 +173,8 @@ class Budget:
     formal : mapping of str to ndarray, shape (m, m)
         Of the noise and the priors that the filter believes in: its own covariance.
     disturbances : mapping of str to ndarray, shape (m, m)
-        Of what it knows nothing of. Of noise that is not as believed, what that adds, which is
-        negative where there is less.
+        Of what it knows nothing of. Of noise that is not as believed, and of what augmented states
+        are about, what truth adds to belief, which is negative where there is less.
     effects : mapping of str to ndarray, shape (m, n)
         Of one unit of each constant, signed: estimate less truth.
     """
@@ -192,9 +218,12 @@ class System:
     prior : InitialStd
         Likewise.
     disturbed : Disturbed or None
-        What it knows nothing of.
+        What is disturbed in truth.
     factors : Disturbance
-        Has the factors of the noise.
+        Sizes in truth, factors of the noise among them.
+    believed : Disturbance
+        Sizes that the filter believes in: of its augmented states, and factors that `noise` has
+        already.
     """
 
     transitions: Transitions
@@ -204,6 +233,7 @@ class System:
     prior: InitialStd
     disturbed: Disturbed | None
     factors: Disturbance
+    believed: Disturbance = NOTHING
 
     @cached_property
     def response(self) -> Response:
@@ -218,6 +248,11 @@ class System:
             return {}
         path, about = self.disturbed.path, self.disturbed.disturbance
         return {name: of_constants(self.response, path, about, name) for name in about.constants}
+
+    @property
+    def modelled(self) -> set[str]:
+        """Sources that augmented states are about."""
+        return {group.source for group in self.model.augmentations.values()}
 
 
 def budget(
@@ -240,11 +275,12 @@ def budget(
     found = sensitivity(
         system.transitions, system.gains, system.model, parameters=parameters, updates=updates
     )
-    formal, factors = _formal(found, system), system.factors
+    formal, factors = _formal(found, system) | _believed(found, system), system.factors
     disturbances = {
         f"{name}_noise_factor": (factor**2 - 1.0) * formal[f"{name}_noise"]
         for name in ("gyro", "accel", "velocity", "position")
-        for factor in [getattr(factors, f"{name}_noise_factor")]
+        for key in [f"{name}_noise_factor"]
+        for factor in [getattr(factors, key) / getattr(system.believed, key)]
         if factor != 1.0
     }
     effects: dict[str, np.ndarray] = {}
@@ -265,6 +301,9 @@ def budget(
             kept = np.exp(-disturbed.interval / about.observation_correlation_time)
             true = observation_covariance(true_noise(system.noise, factors))
             disturbances["observation_correlation"] = _of_correlation(found, true, kept)
+    for source in sorted(system.modelled):  # what is believed in is not added, but differs from it
+        assumed = formal[BELIEVED + source]
+        disturbances[source] = disturbances.get(source, np.zeros_like(assumed)) - assumed
     return Budget(formal, disturbances, effects)
 
 
@@ -283,9 +322,28 @@ def _formal(found: Sensitivity, system: System) -> dict[str, np.ndarray]:
         seen = sigma * found.observation[:, :, place]
         out[name] = np.einsum("kim,kjm->ij", seen, seen, optimize=True)
     spread = np.concatenate([prior.navigation, prior.parameter[system.model.columns]])
-    scaled = found.initial * spread
+    scaled = found.initial[:, : len(spread)] * spread
     for name, place in (PRIORS | {"parameters": slice(NAVIGATION, None)}).items():
         out[f"prior_{name}"] = scaled[:, place] @ scaled[:, place].T
+    return out
+
+
+def _believed(found: Sensitivity, system: System) -> dict[str, np.ndarray]:
+    """Of what augmented states are believed to be, by source."""
+    about, out = system.transitions.augmented, {}
+    if about is None:
+        return {}
+    names = list(system.model.augmented)
+    initial = found.initial[:, -len(names) :] * about.std
+    for group in system.model.augmentations.values():
+        own = slice(names.index(group.names[0]), names.index(group.names[-1]) + 1)
+        out[BELIEVED + group.source] = initial[:, own] @ initial[:, own].T
+        if group.wanders:
+            w = slice(own.start - about.constants, own.stop - about.constants)
+            within = found.process @ about.navigation[:, :, own]
+            of_u = found.wandering[:, :, w] * about.drive[w] + within * about.driven[w, 0]
+            for unit in (of_u, within * about.driven[w, 1]):
+                out[BELIEVED + group.source] += np.einsum("kiw,kjw->ij", unit, unit, optimize=True)
     return out
 
 

@@ -15,7 +15,7 @@ and no judge of its innovations, tells them apart.
 
 import numpy as np
 
-from inscal.budget import System
+from inscal.budget import System, state_rows
 from inscal.record import OBSERVED
 from inscal.response import ConstantsResponse
 from inscal.state_model import NAVIGATION, OBSERVED_STATES
@@ -31,16 +31,17 @@ def traces(system: System) -> dict[str, np.ndarray]:
     Returns
     -------
     dict of str to ndarray, shape (n, n)
-        S of the module docstring for the constants of each source, per unit of them, SI.
+        S of the module docstring for the constants of each source that the filter does not
+        estimate, per unit of them, SI.
     """
-    every = list(system.constants.values())
+    every = {name: one for name, one in system.constants.items() if name not in system.modelled}
     if not every:
         return {}
-    of_parameters, of_constants = innovations(system, every)
+    of_parameters, of_constants = innovations(system, list(every.values()))
     base, _ = np.linalg.qr(of_parameters)
     left = of_constants - base @ (base.T @ of_constants)
     out, first = {}, 0
-    for name, each in system.constants.items():
+    for name, each in every.items():
         own = left[:, first : first + each.observation.shape[1]]
         out[name] = own.T @ own
         first += own.shape[1]
@@ -60,23 +61,29 @@ def innovations(
     Returns
     -------
     of_parameters : ndarray, shape (OBSERVED * updates, parameters)
-        Of each modelled parameter that is off by its prior sigma.
+        Of each modelled parameter, and augmented state that does not wander, that is off by its
+        prior sigma.
     of_constants : ndarray, shape (OBSERVED * updates, constants)
         Per unit, SI.
     """
     transitions, gains, columns = system.transitions, system.gains, system.model.columns
-    modelled = len(columns)
+    about = transitions.augmented
+    own = NAVIGATION + len(columns)
+    unit = np.concatenate([system.prior.parameter[columns], about.std if about else np.zeros(0)])
+    modelled = len(columns) + (about.constants if about else 0)
     added = np.concatenate([each.navigation for each in constants], axis=2)
     offset = np.concatenate([each.observation for each in constants], axis=1)
     updates, _, count = added.shape
-    states = np.concatenate([np.arange(NAVIGATION), NAVIGATION + columns])
-    gain = gains.gain[:, states]
-    x = np.zeros((len(states), modelled + count))
-    x[NAVIGATION:, :modelled] = np.diag(system.prior.parameter[columns])
+    gain = gains.gain[:, state_rows(system.model)]
+    x = np.zeros((gain.shape[1], modelled + count))
+    x[range(NAVIGATION, NAVIGATION + modelled), range(modelled)] = unit[:modelled]
     out = np.empty((updates, OBSERVED, modelled + count))
     for k, index in enumerate(transitions.index):
         moved = transitions.navigation @ x[:NAVIGATION]
-        moved += transitions.parameter[index] @ x[NAVIGATION:]
+        moved += transitions.parameter[index] @ x[NAVIGATION:own]
+        if about is not None:
+            moved += about.navigation[k] @ x[own:]
+            x[len(x) - about.wandering :] *= about.decay[:, None]
         moved[:, modelled:] += added[k]
         x[:NAVIGATION] = moved
         innovation = x[OBSERVED_STATES].copy()

@@ -146,6 +146,42 @@ IDLE = ("drift_time_s", *NEEDED)
 """Keys that do nothing alone."""
 
 
+@dataclass
+class Believed:
+    """What a filter believes of disturbances; keys, units and meaning are those of `Disturbance`.
+
+    Sizes are the priors of the augmented states that ``estimator.states`` names, and nothing where
+    it does not. Noise factors multiply the noise that the filter takes for true.
+    """
+
+    off_axis_lever_arm_mm: float = MISSING
+    table_offset_mm: float = MISSING
+    gyro_accel_delay_ms: float = MISSING
+    accel_cubic_ug_per_g3: float = MISSING
+    accel_asymmetry_ppm: float = MISSING
+    accel_cross_coupling_ug_per_g2: float = MISSING
+    accel_pendulous_ug_per_g2: float = MISSING
+    gyro_asymmetry_ppm: float = MISSING
+    gyro_g_sensitivity_deg_per_h_per_g: float = MISSING
+    gyro_drift_deg_per_h: float = MISSING
+    accel_drift_ug: float = MISSING
+    gyro_scale_drift_ppm: float = MISSING
+    accel_scale_drift_ppm: float = MISSING
+    gravity_mgal: float = MISSING
+    latitude_arcsec: float = MISSING
+    deflection_arcsec: float = MISSING
+    gyro_wander_deg_per_h: float = MISSING
+    gyro_wander_time_s: float = MISSING
+    accel_wander_ug: float = MISSING
+    accel_wander_time_s: float = MISSING
+    gyro_noise_factor: float = MISSING
+    accel_noise_factor: float = MISSING
+
+
+BELIEVED = tuple(field.name for field in fields(Believed))
+"""Keys of what a filter may believe."""
+
+
 def size_of(key: str) -> tuple[str, float]:
     """Field of `inscal.disturbance.Disturbance` that a key is of, and its unit in SI."""
     ending = next(ending for ending in _UNITS if key.endswith(f"_{ending}"))
@@ -153,12 +189,25 @@ def size_of(key: str) -> tuple[str, float]:
     return field, _UNITS[ending]
 
 
-def sizes_of(group: Disturbance) -> "Sizes":
+def sizes_of(group: Disturbance | Believed) -> "Sizes":
     """Sizes of a configuration group in SI."""
     from inscal.disturbance import Disturbance as Sizes
 
     values = {}
-    for key in KEYS:
-        field, unit = size_of(key)
-        values[field] = getattr(group, key) * unit
+    for about in fields(group):
+        if about.name != "name":
+            field, unit = size_of(about.name)
+            values[field] = getattr(group, about.name) * unit
     return Sizes(**values)
+
+
+def key_of(source: str) -> str:
+    """Key of the size of a source, a member of `inscal.disturbance.SOURCES`."""
+    return next(key for key in KEYS if size_of(key)[0] == source)
+
+
+def unit_text(key: str) -> str:
+    """Unit that a key ends with, such as ``ug/g^3``."""
+    ending = next(ending for ending in _UNITS if key.endswith(f"_{ending}"))
+    powers = ending.replace("g2", "g^2").replace("g3", "g^3")
+    return powers.replace("_per_sqrt_", "/sqrt(").replace("_per_", "/")

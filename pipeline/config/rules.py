@@ -13,10 +13,10 @@ from types import MappingProxyType
 from typing import Any, NoReturn
 
 from inscal.directions import DIRECTIONS
-from inscal.parameters import GROUPS, NAMES, members
+from inscal.parameters import AUGMENTATIONS, GROUPS, NAMES, members
 from inscal.profile import profile_of
+from pipeline.config.disturbance import BELIEVED, NEEDED, key_of
 from pipeline.config.disturbance import KEYS as DISTURBANCES
-from pipeline.config.disturbance import NEEDED
 from pipeline.config.schema import KIND_KEYS, Config
 from pipeline.console.errors import ConfigError
 
@@ -64,7 +64,7 @@ def check(config: Config, further: Mapping[str, Rule] = MappingProxyType({})) ->
     _check_schedule(config)
     _check_passes(config)
     _check_disturbance(config)
-    _check_states(config.estimator.states)
+    _check_states(config)
     _check_cluster(config)
     if config.only_run is not None and config.only_run >= config.campaign.runs:
         _fail(
@@ -162,6 +162,10 @@ _RULES: dict[str, Rule] = {
     "estimator.initial_std.attitude_deg": TRIPLE_OF_POSITIVE,
     "estimator.initial_std.velocity_m_per_s": POSITIVE,
     "estimator.initial_std.position_m": POSITIVE,
+    **{
+        f"estimator.believed.{key}": POSITIVE if key.endswith("_factor") else FROM_0
+        for key in BELIEVED
+    },
     "sensor.quadratic_unit": one_of("pulse", "si"),
     "sensor.accel_pulses_per_m_per_s": POSITIVE,
     "campaign.runs": COUNT,
@@ -278,10 +282,17 @@ def _check_disturbance(config: Config) -> None:
             _fail(f"disturbance.{key}", value, allowed)
 
 
-def _check_states(states: list[str]) -> None:
-    known = all(name in list(GROUPS) for name in states)
-    if not states or not known or len(set(states)) < len(states):
-        _fail("estimator.states", states, f"one or more of {', '.join(GROUPS)}, each once")
+def _check_states(config: Config) -> None:
+    states, allowed = config.estimator.states, [*GROUPS, *AUGMENTATIONS]
+    known = all(name in allowed for name in states)
+    if not set(states) & set(GROUPS) or not known or len(set(states)) < len(states):
+        words = f"one or more of {', '.join(GROUPS)}, and any of {', '.join(AUGMENTATIONS)}"
+        _fail("estimator.states", states, f"{words}, each once")
+    for name, about in AUGMENTATIONS.items():
+        for key in (key_of(about.source), *([f"{about.source}_time_s"] if about.wanders else [])):
+            value = getattr(config.estimator.believed, key)
+            if name in states and value == 0.0:
+                _fail(f"estimator.believed.{key}", value, "> 0 where estimator.states has " + name)
 
 
 def _check_cluster(config: Config) -> None:

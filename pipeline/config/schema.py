@@ -9,7 +9,7 @@ from typing import Any
 from omegaconf import MISSING
 
 from inscal.parameters import KINDS
-from pipeline.config.disturbance import Disturbance
+from pipeline.config.disturbance import Believed, Disturbance
 
 KIND_KEYS: dict[str, str] = {
     kind: f"{kind}_{about.unit.replace('/', '_per_').replace('-', '_')}"
@@ -150,9 +150,11 @@ class Estimator:
     update_interval_s : float
         Time between observations.
     states : list of str
-        Parameter groups it estimates, keys of `inscal.parameters.GROUPS`.
+        Groups of states it estimates, keys of `inscal.parameters.GROUPS` and `AUGMENTATIONS`.
     initial_std : InitialStd
         Standard deviations it starts from.
+    believed : Believed
+        What it believes of disturbances, priors of the augmented states above all.
     """
 
     passes: int = MISSING
@@ -162,6 +164,7 @@ class Estimator:
     update_interval_s: float = MISSING
     states: list[str] = MISSING
     initial_std: InitialStd = field(default_factory=InitialStd)
+    believed: Believed = field(default_factory=Believed)
 
 
 @dataclass

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -16,12 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from inscal import parameters, units
-from pipeline.config.disturbance import sizes_of
+from pipeline.config.disturbance import key_of, size_of, sizes_of, unit_text
 from pipeline.config.schema import Config, KindValues
 from pipeline.console.errors import ConfigError
 from pipeline.console.progress import note
 
 if TYPE_CHECKING:
+    from inscal.augmentation import Augmented
+    from inscal.disturbance import Disturbance
     from inscal.experiment import Experiment
     from inscal.motion import Site
     from inscal.recursion import Gains, InitialStd
@@ -86,7 +88,7 @@ class Setup:
 
     @cached_property
     def noise(self) -> NoiseModel:
-        """Noise of sensors and observations, of truth and belief alike."""
+        """Noise of sensors and observations that the group `noise` says; of the truth."""
         from inscal.state_model import NoiseModel
 
         about = self.config.noise
@@ -96,6 +98,18 @@ class Setup:
             velocity=about.velocity_observation_m_per_s,
             position=about.position_observation_m,
         )
+
+    @cached_property
+    def believed(self) -> Disturbance:
+        """What the filter believes of disturbances."""
+        return sizes_of(self.config.estimator.believed)
+
+    @cached_property
+    def believed_noise(self) -> NoiseModel:
+        """Noise that the filter takes for true."""
+        from inscal.disturbed import true_noise
+
+        return true_noise(self.noise, self.believed)
 
     @cached_property
     def prior(self) -> InitialStd:
@@ -126,17 +140,52 @@ class Setup:
         return StateModel(tuple(self.config.estimator.states))
 
     @cached_property
+    def augmented(self) -> Augmented | None:
+        """Augmented states of the filter."""
+        if not self.model.augmented:
+            return None
+        from inscal.augmentation import augment
+        from inscal.path import path_of
+
+        interval, about = self.config.estimator.update_interval_s, self.config.simulation
+        path = path_of(
+            self.schedule,
+            self.site,
+            update_interval=interval,
+            dwell_step=about.dwell_step_s,
+            turn_step=about.turn_step_s,
+        )
+        return augment(self.model, self.believed, path, interval)
+
+    @cached_property
+    def augmented_unit(self) -> NDArray[np.float64]:
+        """Paper units in SI of the augmented states that do not wander."""
+        return np.array([size_of(key)[1] for _, key in self._augmented_keys])
+
+    @cached_property
+    def augmented_units(self) -> list[str]:
+        """Names of these units."""
+        return [unit_text(key) for _, key in self._augmented_keys]
+
+    @property
+    def _augmented_keys(self) -> list[tuple[str, str]]:
+        groups = [g for g in self.model.augmentations.values() if not g.wanders]
+        return [(name, key_of(group.source)) for group in groups for name in group.names]
+
+    @cached_property
     def transitions(self) -> Transitions:
         """Linear model between updates."""
         from inscal.state_model import build_transitions
 
-        return build_transitions(
+        plain = build_transitions(
             self.schedule,
             self.site,
             self.model,
-            self.noise,
+            self.believed_noise,
             update_interval=self.config.estimator.update_interval_s,
         )
+        about = self.augmented
+        return replace(plain, augmented=about.transitions) if about else plain
 
     @cached_property
     def gains(self) -> Gains:
@@ -144,7 +193,7 @@ class Setup:
         from inscal.recursion import compute_gains, refuse_degenerate
 
         with _told():
-            gains = compute_gains(self.transitions, self.model, self.noise, self.prior)
+            gains = compute_gains(self.transitions, self.model, self.believed_noise, self.prior)
             refuse_degenerate(gains, self.model)
         return gains
 
@@ -160,11 +209,12 @@ class Setup:
             note("compiling the kernels, once: some ten seconds")
         about = self.config.estimator
         belief = Belief(
-            self.noise,
+            self.believed_noise,
             self.prior,
             passes=about.passes,
             update_interval=about.update_interval_s,
             model=self.model,
+            augmented=self.believed,
             max_passes=about.max_passes,
             convergence_sigma=about.convergence_sigma,
             innovation_limit=about.innovation_limit,

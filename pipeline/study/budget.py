@@ -211,15 +211,16 @@ def sheet(setup: Setup) -> Sheet:
         setup.transitions,
         setup.gains,
         setup.model,
-        setup.noise,
+        setup.believed_noise,
         setup.prior,
         experiment.disturbed,
         experiment.truth.disturbance,
+        setup.believed,
     )
     made = library.budget(system)
     about, sizes = setup.config.disturbance, {}
     for key in KEYS:
         source = size_of(key)[0]
-        if source in made.disturbances and source not in _WHOLE:
+        if source in made.disturbances and source not in _WHOLE | system.modelled:
             sizes[source] = key, float(getattr(about, key))
     return Sheet(made, setup.unit, setup.bound, sizes, system)
