@@ -77,7 +77,10 @@ def run_pass(
                     _navigate_ramp(state, sensors, s, duration[s], site, ramp_terms)
             else:
                 _apparent(further[0], further[1], s, moved)
-                _navigate_apart(state, sensors, s, duration[s], site, ramp_terms, moved)
+                if ramp_terms[s, 0] == 0.0:
+                    _navigate_rid(state, sensors, s, duration[s], site, moved)
+                else:
+                    _navigate_ramp_rid(state, sensors, s, duration[s], site, ramp_terms, moved)
         if further is not None:
             _decay(further[0], further[2])
         _innovate(state, observations, k, metres, innovation)
@@ -142,20 +145,32 @@ def _apparent(augmented, rows, s, moved):
 
 
 @inlined
-def _navigate_apart(state, sensors, s, dt, site, terms, moved):
-    """Navigate with increments that are compensated and rid of what augmented states add."""
-    ramp = terms[s, 0]
+def _rid(angle, velocity, moved, j):
+    """Compensated increments without what augmented states add."""
+    return (
+        (angle[0] - moved[0, j], angle[1] - moved[1, j], angle[2] - moved[2, j]),
+        (velocity[0] - moved[3, j], velocity[1] - moved[4, j], velocity[2] - moved[5, j]),
+    )
+
+
+@inlined
+def _navigate_rid(state, sensors, s, dt, site, moved):
     for j in range(LANES):
         angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
         velocity = (sensors[s, 3, j], sensors[s, 4, j], sensors[s, 5, j])
-        if ramp == 0.0:
-            angle, velocity = compensate(state, j, angle, velocity, dt)
-        else:
-            angle, velocity = compensate_in_ramp(state, j, angle, velocity, dt, ramp)
-        angle = (angle[0] - moved[0, j], angle[1] - moved[1, j], angle[2] - moved[2, j])
-        velocity = (velocity[0] - moved[3, j], velocity[1] - moved[4, j], velocity[2] - moved[5, j])
-        if ramp != 0.0:
-            angle, velocity = straightened(state, NAV, j, angle, velocity, dt, site, terms, s)
+        angle, velocity = compensate(state, j, angle, velocity, dt)
+        angle, velocity = _rid(angle, velocity, moved, j)
+        advance(state, NAV, j, angle, velocity, dt, site)
+
+
+@inlined
+def _navigate_ramp_rid(state, sensors, s, dt, site, terms, moved):
+    for j in range(LANES):
+        angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
+        velocity = (sensors[s, 3, j], sensors[s, 4, j], sensors[s, 5, j])
+        angle, velocity = compensate_in_ramp(state, j, angle, velocity, dt, terms[s, 0])
+        angle, velocity = _rid(angle, velocity, moved, j)
+        angle, velocity = straightened(state, NAV, j, angle, velocity, dt, site, terms, s)
         advance(state, NAV, j, angle, velocity, dt, site)
 
 

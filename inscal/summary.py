@@ -92,6 +92,35 @@ def summarize(campaign: xr.Dataset, bound: xr.DataArray) -> xr.Dataset:
     return xr.Dataset(columns, coords=_labels(done), attrs={"confidence": CONFIDENCE})
 
 
+def augmented(campaign: xr.Dataset) -> xr.Dataset | None:
+    """Error statistics of the augmented states of a campaign that do not wander.
+
+    Parameters
+    ----------
+    campaign : xarray.Dataset
+        See the module's description.
+
+    Returns
+    -------
+    xarray.Dataset or None
+        Of `summarize`, on parameter, without bounds; None where there are no such states.
+
+    Raises
+    ------
+    ValueError
+        As of `summarize`.
+    """
+    if "augmented_error" not in campaign:
+        return None
+    per_state = {f"augmented_{name}": name for name in ("truth", "estimate", "error")}
+    per_state |= {"augmented_predicted_std": "predicted_std", "augmented_unit": "unit"}
+    view = campaign[["nees", "status", *(name for name in per_state if "unit" not in name)]]
+    view = view.drop_vars(["parameter", "unit"], errors="ignore")
+    view = view.rename({**per_state, "augmented": "parameter"})
+    nowhere = xr.DataArray(np.full(view.sizes["parameter"], np.inf), dims="parameter")
+    return summarize(view, nowhere.assign_coords(parameter=view["parameter"]))
+
+
 def compare(
     a: xr.Dataset, b: xr.Dataset, *, resamples: int, seed: int, confidence: float = 0.95
 ) -> xr.Dataset:

@@ -10,7 +10,9 @@ For example::
 Reads: schedule noise estimator out sensor site bounds.
 """
 
-from inscal.parameters import NAMES, UNITS
+import numpy as np
+
+from inscal.parameters import COUNT, NAMES, UNITS
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
@@ -29,6 +31,14 @@ def main(config: Config) -> None:
         ratio = f"{limit / sigma:.1f}" if sigma > 0 else "not modelled"
         table.add_row(name, unit, f"{sigma:.4g}", f"{limit:g}", ratio)
     show(f"predicted 1 sigma: {config.schedule.name}, noise {config.noise.name}", table)
+    if setup.augmented_names:
+        std = np.sqrt(np.diag(setup.gains.covariance)[COUNT + 3 :]) / setup.augmented_unit
+        table = new_table(("augmented state", "unit"), ("predicted_std",))
+        for name, unit, sigma in zip(
+            setup.augmented_names, setup.augmented_units, std, strict=True
+        ):
+            table.add_row(name, unit, f"{sigma:.4g}")
+        show("augmented states that do not wander", table)
     if config.out:
         content = {"parameter": NAMES, "unit": UNITS, "predicted_std": std.tolist()}
         write_json(config.out, content, indent=2)

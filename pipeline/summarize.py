@@ -64,6 +64,17 @@ def print_summary(summary: xr.Dataset) -> None:
     )
     for line in verdicts(summary.attrs):
         print(line)
+    if "augmented" in summary.attrs:
+        print_augmented(summary.attrs["augmented"])
+
+
+def print_augmented(rows: Mapping[str, Mapping[str, Any]]) -> None:
+    """Print what came of augmented states as a table."""
+    table = new_table(("augmented state", "unit"), ("bias", "RMSE", "predicted", "ratio"))
+    for name, row in rows.items():
+        numbers = (f"{row[key]:.3g}" for key in ("bias", "rmse", "predicted_std"))
+        table.add_row(name, row["unit"], *numbers, number(row["rmse_over_predicted"], 3))
+    show("augmented states that do not wander", table)
 
 
 def verdicts(about: Mapping[str, Any]) -> list[str]:
@@ -80,8 +91,8 @@ def verdicts(about: Mapping[str, Any]) -> list[str]:
     if about.get("disturbances"):
         count = len(about["disturbances"])
         lines.append(
-            f"disturbance {about['disturbance']}: {count} sources unknown to the filter; truth of "
-            "a bias that wanders is its constant part"
+            f"disturbance {about['disturbance']}: {count} sources; truth of a bias that wanders is "
+            "its constant part"
         )
     return lines
 

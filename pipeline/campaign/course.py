@@ -23,6 +23,7 @@ def history_dataset(config: Config) -> xr.Dataset:
     -------
     xarray.Dataset
         Dimensions calibration_pass, time, parameter and observation; parameters in paper units.
+        Dimension augmented has the augmented states that do not wander, in the units of their keys.
     """
     setup = Setup(config)
     experiment, unit = setup.experiment, setup.unit
@@ -36,6 +37,11 @@ def history_dataset(config: Config) -> xr.Dataset:
     per_parameter = {"units": "see coordinate unit"}
     per_observation = {"units": "see coordinate observation_unit"}
     interval = config.estimator.update_interval_s
+    augmented = {
+        "augmented_truth": outcome.augmented_truth[0] / setup.augmented_unit,
+        "augmented_estimate": outcome.augmented_estimate[0] / setup.augmented_unit,
+        "augmented_predicted_std": experiment.estimator.augmented_std / setup.augmented_unit,
+    }
     gains = [experiment.estimator.gains(p) for p in passes]
     return xr.Dataset(
         {
@@ -56,6 +62,10 @@ def history_dataset(config: Config) -> xr.Dataset:
                 per_observation,
             ),
             "nees": ((), outcome.nees[0], {"units": "1"}),
+            **{
+                name: ("augmented", values, {"units": "see coordinate augmented_unit"})
+                for name, values in augmented.items()
+            },
         },
         coords={
             "calibration_pass": np.arange(1, len(passes) + 1),
@@ -66,6 +76,8 @@ def history_dataset(config: Config) -> xr.Dataset:
             ),
             "parameter": np.array(NAMES, dtype=object),
             "unit": ("parameter", np.array(UNITS, dtype=object)),
+            "augmented": np.array(setup.augmented_names, dtype=object),
+            "augmented_unit": ("augmented", np.array(setup.augmented_units, dtype=object)),
             "observation": np.array(
                 [f"velocity_{d}" for d in ("north", "east", "down")]
                 + [f"position_{d}" for d in ("north", "east", "height")],

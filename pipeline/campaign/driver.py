@@ -82,9 +82,10 @@ def simulate_campaign(config: Config) -> None:
     experiment = setup.experiment
     complain(setup.linearisation)
     predicted_std = experiment.estimator.predicted_std / setup.unit
+    augmented_std = experiment.estimator.augmented_std / setup.augmented_unit
     with writing(config.campaign.store):
         with interrupts.held():
-            target = store.open_store(config, predicted_std)
+            target = store.open_store(config, predicted_std, augmented_std)
         with (
             provenance.session(config.campaign, config.cluster, lambda: len(store.pending(target))),
             interrupts.telling(lambda: kept_line(config, target)),

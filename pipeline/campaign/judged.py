@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from inscal.parameters import NAMES
-from inscal.summary import compare, summarize
+from inscal.summary import augmented, compare, summarize
 from pipeline.campaign import store
 from pipeline.config.load import differences, disturbances
 from pipeline.config.schema import Config
@@ -63,6 +63,7 @@ def summary(config: Config, path: str | Path, campaign: xr.Dataset) -> xr.Datase
         quadratic_unit=configuration["sensor"]["quadratic_unit"],
         failed_runs=[int(r) for r in campaign.run[campaign.status == store.FAILED]],
         **_disturbed(configuration),
+        **_augmented(campaign),
         **_verdicts(campaign),
     )
 
@@ -72,6 +73,21 @@ def _disturbed(configuration: Mapping[str, Any]) -> dict[str, Any]:
     present = disturbances(configuration)
     name = configuration["disturbance"]["name"]
     return {"disturbance": name, "disturbances": present} if present else {}
+
+
+def _augmented(campaign: xr.Dataset) -> dict[str, Any]:
+    """Statistics of augmented states, by name; nothing of a campaign that has none."""
+    found = augmented(campaign)
+    if found is None:
+        return {}
+    keys = ("bias", "rmse", "rmse_lower", "rmse_upper", "predicted_std", "rmse_over_predicted")
+    rows = {
+        str(name): {"unit": str(unit)} | {key: float(found[key][place]) for key in keys}
+        for place, (name, unit) in enumerate(
+            zip(found["parameter"].values, found["unit"].values, strict=True)
+        )
+    }
+    return {"augmented": rows}
 
 
 def _verdicts(campaign: xr.Dataset) -> dict[str, Any]:

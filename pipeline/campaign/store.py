@@ -13,7 +13,7 @@ import json
 import shutil
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -33,6 +33,8 @@ NOT_RUN, DONE, FAILED = 0, 1, 2
 """Values of ``status``."""
 
 _CHUNKS = 12
+_AUGMENTED = ("augmented_truth", "augmented_estimate", "augmented_error")
+_NONE = np.zeros(0)
 _SOFTWARE = ("inscal", "numpy", "scipy", "numba", "xarray", "zarr", "dask")
 
 
@@ -55,7 +57,9 @@ def fingerprint(config: Config) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-def open_store(config: Config, predicted_std: np.ndarray) -> zarr.Group:
+def open_store(
+    config: Config, predicted_std: np.ndarray, augmented_std: np.ndarray = _NONE
+) -> zarr.Group:
     """Open the campaign's store for writing, or make it.
 
     Parameters
@@ -63,6 +67,8 @@ def open_store(config: Config, predicted_std: np.ndarray) -> zarr.Group:
     config : Config
     predicted_std : ndarray, shape (27,)
         In paper units.
+    augmented_std : ndarray, shape (n,)
+        Of the augmented states that do not wander, in the units of their keys.
 
     Returns
     -------
@@ -91,7 +97,7 @@ def open_store(config: Config, predicted_std: np.ndarray) -> zarr.Group:
     unfinished, replaced = (path.with_name(f".{path.name}.{end}") for end in ("new", "old"))
     try:
         shutil.rmtree(replaced, ignore_errors=True)
-        _template(config, predicted_std, unfinished)
+        _template(config, predicted_std, augmented_std, unfinished)
         if path.exists():
             path.rename(replaced)
         unfinished.rename(path)
@@ -112,14 +118,17 @@ def _attributes(path: Path) -> dict:
     return attributes
 
 
-def _template(config: Config, predicted_std: np.ndarray, path: Path) -> None:
+def _template(
+    config: Config, predicted_std: np.ndarray, augmented_std: np.ndarray, path: Path
+) -> None:
     """Write a store without any runs, in place of an unfinished one."""
     import dask.array  # for a new store alone, like what compiles
 
     from inscal.convergence import REASONS, chance_limits
     from inscal.motion import update_count
 
-    updates = update_count(Setup(config).schedule, config.estimator.update_interval_s)
+    setup = Setup(config)
+    updates = update_count(setup.schedule, config.estimator.update_interval_s)
     lower, upper = chance_limits(updates)
     runs = config.campaign.runs
     chunk = -(-runs // _CHUNKS)
@@ -132,6 +141,18 @@ def _template(config: Config, predicted_std: np.ndarray, path: Path) -> None:
         return ("run",), dask.array.full(runs, fill, chunks=runs, dtype=type(fill)), attrs
 
     per_parameter = {"units": "see coordinate unit"}
+    further: dict[str, tuple] = {}
+    coordinates: dict[str, Any] = {}
+    if len(augmented_std):
+        about = {"units": "see coordinate augmented_unit"}
+        for name in _AUGMENTED:
+            told = {"long_name": name.replace("_", " "), **about}
+            further[name] = lazy(("run", "augmented"), (runs, len(augmented_std)), np.nan, told)
+        told = {"long_name": "predicted standard deviation", **about}
+        further["augmented_predicted_std"] = "augmented", augmented_std, told
+        names, units = setup.augmented_names, setup.augmented_units
+        coordinates["augmented"] = np.array(names, dtype=object)
+        coordinates["augmented_unit"] = "augmented", np.array(units, dtype=object)
     both, table = ("run", "parameter"), (runs, COUNT)
     dataset = xr.Dataset(
         {
@@ -174,11 +195,13 @@ def _template(config: Config, predicted_std: np.ndarray, path: Path) -> None:
                 predicted_std,
                 {"long_name": "predicted standard deviation of the estimate", **per_parameter},
             ),
+            **further,
         },
         coords={
             "run": np.arange(runs),
             "parameter": np.array(NAMES, dtype=object),
             "unit": ("parameter", np.array(UNITS, dtype=object)),
+            **coordinates,
         },
         attrs={
             "title": f"inscal campaign {Path(config.campaign.store).name}",
@@ -232,7 +255,7 @@ def write(store: zarr.Group, config: Config, results: "list[tuple[list[int], Bat
     """
     from pipeline.campaign.worker import joined
 
-    unit = Setup(config).unit
+    unit, augmented_unit = Setup(config).unit, Setup(config).augmented_unit
     results = sorted(results, key=lambda result: result[0][0])
     while results:
         count = 1
@@ -246,6 +269,11 @@ def write(store: zarr.Group, config: Config, results: "list[tuple[list[int], Bat
         _array(store, "truth")[part] = truth
         _array(store, "estimate")[part] = estimate
         _array(store, "error")[part] = estimate - truth
+        if len(augmented_unit):
+            both = outcome.augmented_truth, outcome.augmented_estimate
+            truth, estimate = (values / augmented_unit for values in both)
+            for name, values in zip(_AUGMENTED, (truth, estimate, estimate - truth), strict=True):
+                _array(store, name)[part] = values
         for name in ("nees", "passes", "reason", "innovation_ratio"):
             _array(store, name)[part] = getattr(outcome, name)
         if batch.exceptions:

@@ -163,6 +163,11 @@ class Setup:
         return np.array([size_of(key)[1] for _, key in self._augmented_keys])
 
     @cached_property
+    def augmented_names(self) -> list[str]:
+        """Names of the augmented states that do not wander."""
+        return [name for name, _ in self._augmented_keys]
+
+    @cached_property
     def augmented_units(self) -> list[str]:
         """Names of these units."""
         return [unit_text(key) for _, key in self._augmented_keys]
