@@ -21,7 +21,7 @@ import zarr
 
 from inscal.parameters import COUNT, NAMES, UNITS
 from inscal.statistics import rmse_half_width_relative
-from pipeline.config.load import resolved, run_settings, undisturbed
+from pipeline.config.load import resolved, run_settings, undisturbed, usual_belief
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError, FailedRunsError
@@ -327,8 +327,8 @@ def read(path: str | Path) -> xr.Dataset:
     Returns
     -------
     xarray.Dataset
-        Loaded into memory. Its configuration says that it is undisturbed where the store is older
-        than disturbances.
+        Loaded into memory. Its configuration says that it is undisturbed, and believes nothing
+        unusual, where the store is older than that.
 
     Raises
     ------
@@ -339,7 +339,9 @@ def read(path: str | Path) -> xr.Dataset:
         raise DataError(f"campaign store {path}: not found; make it with pipeline.simulate")
     _attributes(Path(path))
     campaign = xr.load_dataset(path, engine="zarr", consolidated=False, chunks=None)
-    campaign.attrs["configuration"].setdefault("disturbance", dict(undisturbed()))
+    about = campaign.attrs["configuration"]
+    about.setdefault("disturbance", dict(undisturbed()))
+    about["estimator"].setdefault("believed", dict(usual_belief()))
     return campaign
 
 

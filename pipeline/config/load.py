@@ -18,7 +18,8 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from pipeline.config.disturbance import IDLE
+from inscal.parameters import AUGMENTATIONS
+from pipeline.config.disturbance import IDLE, key_of
 from pipeline.config.messages import one_line
 from pipeline.config.rules import Rule, check
 from pipeline.config.schema import KIND_KEYS, Config
@@ -168,6 +169,13 @@ def undisturbed() -> Mapping[str, Any]:
     return MappingProxyType(yaml.safe_load((CONF / "disturbance" / "none.yaml").read_text()))
 
 
+@cache
+def usual_belief() -> Mapping[str, Any]:
+    """Group `estimator.believed` where nothing is said of it."""
+    about = yaml.safe_load((CONF / "estimator" / "two_pass.yaml").read_text())
+    return MappingProxyType(about["believed"])
+
+
 def disturbances(configuration: Mapping[str, Any]) -> list[str]:
     """Keys of what truth holds beyond the filter's belief.
 
@@ -183,6 +191,27 @@ def disturbances(configuration: Mapping[str, Any]) -> list[str]:
     """
     usual, present = undisturbed(), configuration["disturbance"].items()
     return [key for key, value in present if key not in ("name", *IDLE) and value != usual[key]]
+
+
+def unknown(configuration: Mapping[str, Any]) -> list[str]:
+    """Keys of what truth holds and the filter does not believe in just that size.
+
+    Parameters
+    ----------
+    configuration : mapping
+        As stores and JSON have it.
+
+    Returns
+    -------
+    list of str
+        Of `disturbances`, without what the filter's augmented states, or the factors of its noise,
+        are about.
+    """
+    about, true = configuration["estimator"], configuration["disturbance"]
+    told = {key_of(AUGMENTATIONS[name].source) for name in about["states"] if name in AUGMENTATIONS}
+    told |= {key for key in about["believed"] if key.endswith("_noise_factor")}
+    same = {key for key in told if about["believed"][key] == true[key]}
+    return [key for key in disturbances(configuration) if key not in same]
 
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any], prefix: str = "") -> list[str]:

@@ -12,7 +12,14 @@ from typing import Any
 import yaml
 from omegaconf import OmegaConf
 
-from pipeline.config.load import RUN_GROUPS, resolved, run_settings, typed, undisturbed
+from pipeline.config.load import (
+    RUN_GROUPS,
+    resolved,
+    run_settings,
+    typed,
+    undisturbed,
+    usual_belief,
+)
 from pipeline.config.schema import Config
 from pipeline.console.errors import ConfigError
 from pipeline.console.help import CONF
@@ -103,6 +110,8 @@ def _case(name: str, about: dict[str, Any], config: Config) -> Case:
         raise ConfigError(f"{FILE.name}: case {name} {what} {', '.join(missing or unknown)}")
     own = {group: about[group] for group in RUN_GROUPS}
     own["disturbance"] = {**undisturbed(), **own["disturbance"]}
+    believed = {**usual_belief(), **own["estimator"].get("believed", {})}
+    own["estimator"] = own["estimator"] | {"believed": believed}
     try:
         full = typed(OmegaConf.create({**resolved(config), **own}), ())
     except ConfigError as error:

@@ -11,7 +11,7 @@ from inscal import campaign_checks, regression
 from inscal.campaign_checks import Sample
 from inscal.parameters import GROUPS
 from inscal.regression import Judgement
-from pipeline.config.load import differences, disturbances, resolved
+from pipeline.config.load import differences, resolved, unknown
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import ConfigError, DataError
@@ -63,7 +63,7 @@ def _refuse(case: Case, sample: Sample) -> None:
     failed = int((~np.isfinite(sample.error).all(axis=1)).sum())
     if failed:
         raise DataError(f"accept: {case.name}: {failed} runs diverged; they are no baseline")
-    disturbed = disturbances(resolved(case.config))
+    disturbed = unknown(resolved(case.config))
     for check in campaign_checks.consistency(sample):
         if not (check.passed or disturbed):
             raise DataError(
