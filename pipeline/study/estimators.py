@@ -1,0 +1,252 @@
+"""Filters with augmented states: what they stand, and what they cost where there is nothing."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from inscal.parameters import AUGMENTATIONS, GROUPS, NAMES
+from pipeline.campaign import judged
+from pipeline.config.disturbance import BELIEVED, IDLE, KEYS, key_of
+from pipeline.config.load import disturbances, load, resolved, undisturbed, unknown
+from pipeline.config.schema import Config, Estimator
+from pipeline.config.setup import Setup
+from pipeline.console.errors import ConfigError
+from pipeline.console.output import json_data
+from pipeline.study import findings, honesty
+from pipeline.study.budget import sheet
+from pipeline.words import markdown as md
+from pipeline.words.render import render
+
+_TEMPLATES = Path(__file__).parent / "templates"
+PAPER = "states36"
+"""The filter that others are held against."""
+NAMED = (PAPER, "states43", "robust")
+"""Choices of the group `estimator` that are compared."""
+NOTHING, OWN, LABORATORY = "none", "what it models", "all"
+"""Kinds of truth: without disturbances, with those modelled, with those configured."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A campaign.
+
+    Attributes
+    ----------
+    filter : str
+        Name of the estimator, or of the one group that the 36 states have beside them.
+    truth : str
+        `NOTHING`, `OWN` or `LABORATORY`.
+    config : Config
+        With a store of its own.
+    """
+
+    filter: str
+    truth: str
+    config: Config
+
+
+def plans(config: Config) -> list[Plan]:
+    """Campaigns of every group alone, of the named filters, and of the paper's.
+
+    Parameters
+    ----------
+    config : Config
+
+    Returns
+    -------
+    list of Plan
+
+    Raises
+    ------
+    ConfigError
+        If there is no disturbance.
+    """
+    if not disturbances(resolved(config)):
+        raise ConfigError(
+            f"disturbance = {config.disturbance.name}: has no disturbance; choose one that has, "
+            "such as disturbance=laboratory"
+        )
+    named = {name: load([f"estimator={name}"]).estimator for name in NAMED}
+    alone = {
+        group: replace(named[PAPER], states=[*GROUPS, group], believed=named[PAPER].believed)
+        for group in AUGMENTATIONS
+    }
+    out = [_plan(config, group, OWN, about) for group, about in alone.items()]
+    for name, about in named.items():
+        kinds = (NOTHING, OWN, LABORATORY) if name != PAPER else (NOTHING, LABORATORY)
+        out += [_plan(config, name, kind, about) for kind in kinds]
+    return out
+
+
+def _plan(config: Config, name: str, truth: str, about: Estimator) -> Plan:
+    sizes = {key: undisturbed()[key] for key in KEYS}
+    if truth == LABORATORY:
+        sizes = {key: getattr(config.disturbance, key) for key in KEYS}
+    elif truth == OWN:
+        own = {AUGMENTATIONS[group].source for group in about.states if group in AUGMENTATIONS}
+        keys = {key_of(source) for source in own} | {f"{source}_time_s" for source in own}
+        keys |= {key for key in BELIEVED if key.endswith("_noise_factor")}
+        sizes |= {key: getattr(about.believed, key) for key in keys & set(BELIEVED)}
+    folder = f"{name}-{truth.replace(' ', '_')}"
+    return Plan(
+        name,
+        truth,
+        replace(
+            config,
+            estimator=about,
+            disturbance=replace(config.disturbance, name=truth.replace(" ", "_"), **sizes),
+            campaign=replace(config.campaign, store=f"{config.campaign.store}/{folder}"),
+        ),
+    )
+
+
+def content(config: Config, planned: Sequence[Plan]) -> dict[str, Any]:
+    """What the campaigns say, as it is written.
+
+    Parameters
+    ----------
+    config : Config
+    planned : sequence of Plan
+        Whose campaigns are made.
+
+    Returns
+    -------
+    dict
+    """
+    by_truth = {(plan.filter, plan.truth): plan for plan in planned}
+    base = by_truth[PAPER, NOTHING].config.campaign.store
+    runs = config.campaign.runs
+    rows = [_row(plan) for plan in planned]
+    return {
+        "schedule": config.schedule.name,
+        "noise": config.noise.name,
+        "disturbance": config.disturbance.name,
+        "runs": runs,
+        "seed": config.campaign.seed,
+        "nees_limits": honesty.nees_limits(runs, len(NAMES)),
+        "ratio_limits": honesty.ratio_limits(runs, len(NAMES)),
+        "campaigns": rows,
+        "price": {
+            plan.filter: _price(plan.config.campaign.store, base)
+            for plan in planned
+            if plan.truth == NOTHING and plan.filter != PAPER
+        },
+    }
+
+
+def _row(plan: Plan) -> dict[str, Any]:
+    setup = Setup(plan.config)
+    found = json_data(judged.as_json(judged.summary_of(plan.config, plan.config.campaign.store)))
+    ratios = honesty.ratios(found)
+    low, high = min(ratios, key=ratios.__getitem__), max(ratios, key=ratios.__getitem__)
+    made = sheet(setup)
+    formal = made.true_std[made.formal_std > 0.0] / made.formal_std[made.formal_std > 0.0]
+    return {
+        "filter": plan.filter,
+        "truth": plan.truth,
+        "states": setup.model.states,
+        "unknown": unknown(resolved(plan.config)),
+        "nees": found["nees_mean"],
+        "expected_nees": made.budget.expected_nees,
+        "nees_of_36": _nees_of_36(plan.config) if plan.truth == OWN else None,
+        "true_over_formal": [float(formal.min()), float(formal.max())],
+        "least": [low, ratios[low]],
+        "most": [high, ratios[high]],
+        "runs_done": found["runs_done"],
+        "runs_failed": found["runs_failed"],
+        **{key: found[key] for key in ("joint_share", "joint_share_lower", "joint_share_upper")},
+        "augmented": {
+            name: row["rmse_over_predicted"] for name, row in found.get("augmented", {}).items()
+        },
+    }
+
+
+def _nees_of_36(config: Config) -> float:
+    """NEES that the paper's filter would have, by its budget."""
+    paper = load([f"estimator={PAPER}"]).estimator
+    return float(sheet(Setup(replace(config, estimator=paper))).budget.expected_nees)
+
+
+def _price(store: str, base: str) -> dict[str, Any]:
+    """RMSE of a filter over that of the paper's where nothing is disturbed, paired run by run."""
+    found = judged.comparison_of(store, base)
+    keys = ("ratio", "simultaneous_lower", "simultaneous_upper")
+    return {
+        str(name): [float(found[key][place]) for key in keys]
+        for place, name in enumerate(found["parameter"].values)
+    }
+
+
+def page(found: Mapping[str, Any]) -> str:
+    """Write the page of what was found.
+
+    Parameters
+    ----------
+    found : mapping
+        Of `content`.
+
+    Returns
+    -------
+    str
+    """
+    rows, price = found["campaigns"], found["price"]
+    alone = [row for row in rows if row["filter"] in AUGMENTATIONS]
+    named = [row for row in rows if row["filter"] not in AUGMENTATIONS]
+    low, high = found["nees_limits"]
+    robust = next(r for r in named if (r["filter"], r["truth"]) == ("robust", LABORATORY))
+    return render(
+        _TEMPLATES,
+        "estimators.md.jinja",
+        **{key: found[key] for key in found if key not in ("campaigns", "price")},
+        alone=[_cells_alone(row) for row in alone],
+        count=len(alone),
+        within=[row["filter"] for row in alone if low <= row["nees"] <= high],
+        outside=[row["filter"] for row in alone if not low <= row["nees"] <= high],
+        named=[_cells_named(row) for row in named],
+        robust=robust,
+        filters=list(price),
+        price=[(md.code(name), *(_ratio(price[which][name]) for which in price)) for name in NAMES],
+        dearest={which: max(rows, key=lambda name: rows[name][0]) for which, rows in price.items()},
+        price_of=price,
+        idle=len(IDLE),
+    )
+
+
+def _ratio(values: Sequence[float]) -> str:
+    ratio, low, high = values
+    return f"{ratio:.3f} ({low:.3f} to {high:.3f})"
+
+
+def _range(row: Mapping[str, Any]) -> str:
+    (_, low), (_, high) = row["least"], row["most"]
+    return f"{low:.2f} to {high:.2f}"
+
+
+def _cells_alone(row: Mapping[str, Any]) -> tuple[str, ...]:
+    own = np.array(list(row["augmented"].values()))
+    return (
+        md.code(row["filter"]),
+        str(row["states"]),
+        f"{row['nees_of_36']:.4g}",
+        f"{row['nees']:.2f}",
+        _range(row),
+        f"{own.min():.2f} to {own.max():.2f}" if len(own) else "wanders",
+    )
+
+
+def _cells_named(row: Mapping[str, Any]) -> tuple[str, ...]:
+    low, high = row["true_over_formal"]
+    return (
+        md.code(row["filter"]),
+        row["truth"],
+        str(row["states"]),
+        f"{row['nees']:.4g}",
+        f"{row['expected_nees']:.4g}",
+        f"{low:.2f} to {high:.2f}",
+        _range(row),
+        f"{md.code(row['most'][0])}",
+        findings.joint_text(row),
+    )
