@@ -8,7 +8,7 @@ For example::
     python -m pipeline.observe schedule=position19
     python -m pipeline.observe 'schedule.rotations=[[90,Y],[180,Y],[90,X]]' out=observe.csv
 
-Reads: schedule noise estimator out sensor site.
+Reads: schedule noise estimator out sensor simulation site.
 """
 
 from pathlib import Path
@@ -24,6 +24,7 @@ from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
 from pipeline.console.output import complain, write_text
 from pipeline.console.terminal import new_table, say, show
+from pipeline.study import unseen
 from pipeline.study.observability import (
     CONVENTIONS,
     TIED,
@@ -82,6 +83,11 @@ def main(config: Config) -> None:
     print_ranks(config)
     found = observability_of(config)
     print_sigmas(config, found)
+    if rows := unseen.rows(config):
+        table = new_table(unseen.HEADINGS[:1], unseen.HEADINGS[1:])
+        for row in rows:
+            table.add_row(*row)
+        show(unseen.TITLE, table)
     if config.out:
         write_text(config.out, share_table(found))
         figure = sigma_heat_map(found.share, f"{config.schedule.name}, {config.noise.name} noise")

@@ -2,22 +2,27 @@
 
 Usage: ``python -m pipeline.predict [schedule=...] [noise=...] [out=FILE]``
 
+What the path does not tell apart is named, with what would; of any state model (`estimator`).
+
 For example::
 
     python -m pipeline.predict schedule=position19
     python -m pipeline.predict noise.gyro_angle_random_walk_deg_per_sqrt_h=0.002 out=predicted.json
+    python -m pipeline.predict estimator=robust
 
-Reads: schedule noise estimator out sensor site bounds.
+Reads: schedule noise estimator out sensor simulation site bounds.
 """
 
 import numpy as np
 
 from inscal.parameters import COUNT, NAMES, UNITS
+from inscal.recursion import ATTITUDE
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
 from pipeline.console.output import complain, write_json
-from pipeline.console.terminal import new_table, show
+from pipeline.console.terminal import new_table, show, show_augmented
+from pipeline.study import unseen
 
 
 @stage
@@ -32,13 +37,15 @@ def main(config: Config) -> None:
         table.add_row(name, unit, f"{sigma:.4g}", f"{limit:g}", ratio)
     show(f"predicted 1 sigma: {config.schedule.name}, noise {config.noise.name}", table)
     if setup.augmented_names:
-        std = np.sqrt(np.diag(setup.gains.covariance)[COUNT + 3 :]) / setup.augmented_unit
-        table = new_table(("augmented state", "unit"), ("predicted_std",))
-        for name, unit, sigma in zip(
-            setup.augmented_names, setup.augmented_units, std, strict=True
-        ):
-            table.add_row(name, unit, f"{sigma:.4g}")
-        show("augmented states that do not wander", table)
+        own = np.sqrt(np.diag(setup.gains.covariance)[COUNT + ATTITUDE :]) / setup.augmented_unit
+        texts = [f"{sigma:.4g}" for sigma in own]
+        rows = zip(setup.augmented_names, setup.augmented_units, texts, strict=True)
+        show_augmented(("predicted_std",), rows)
+    if found := unseen.rows(config):
+        table = new_table(unseen.HEADINGS[:1], unseen.HEADINGS[1:])
+        for row in found:
+            table.add_row(*row)
+        show(unseen.TITLE, table)
     if config.out:
         content = {"parameter": NAMES, "unit": UNITS, "predicted_std": std.tolist()}
         write_json(config.out, content, indent=2)

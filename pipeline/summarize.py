@@ -11,9 +11,6 @@ Reads: schedule noise campaign.store campaign.max_failed_share bounds.
 """
 
 import textwrap
-from collections import Counter
-from collections.abc import Mapping
-from typing import Any
 
 import xarray as xr
 
@@ -22,7 +19,8 @@ from pipeline.campaign.store import refuse_failures
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.output import json_data, write_text
-from pipeline.console.terminal import new_table, show
+from pipeline.console.terminal import new_table, show, show_augmented
+from pipeline.study import findings
 from pipeline.study.honesty import told
 from pipeline.words.markdown import number
 
@@ -49,8 +47,8 @@ def print_summary(summary: xr.Dataset) -> None:
         )
     done, failed = int(summary.runs_done), int(summary.runs_failed)
     show(f"{summary.attrs['campaign']}, {done + failed} runs", table)
-    sigma = f"filter's own sigma: {told(json_data(as_json(summary)))}"
-    sigma = "\n".join(textwrap.fill(line, 100) for line in sigma.splitlines())
+    lines = f"filter's own sigma: {told(json_data(as_json(summary)))}".splitlines()
+    sigma = "\n".join(textwrap.fill(line, 100) for line in lines)
     print(
         f"all within bounds at once: {100 * float(summary.joint_share):.1f} % "
         f"({100 * float(summary.joint_share_lower):.1f} - "
@@ -62,39 +60,12 @@ def print_summary(summary: xr.Dataset) -> None:
         f"every RMSE known to {100 * float(summary.precision):.1f} % or better, that of "
         f"{summary.least_precise.item()} worst"
     )
-    for line in verdicts(summary.attrs):
+    for line in findings.run_lines(summary.attrs):
         print(line)
-    if "augmented" in summary.attrs:
-        print_augmented(summary.attrs["augmented"])
-
-
-def print_augmented(rows: Mapping[str, Mapping[str, Any]]) -> None:
-    """Print what came of augmented states as a table."""
-    table = new_table(("augmented state", "unit"), ("bias", "RMSE", "predicted", "ratio"))
-    for name, row in rows.items():
-        numbers = (f"{row[key]:.3g}" for key in ("bias", "rmse", "predicted_std"))
-        table.add_row(name, row["unit"], *numbers, number(row["rmse_over_predicted"], 3))
-    show("augmented states that do not wander", table)
-
-
-def verdicts(about: Mapping[str, Any]) -> list[str]:
-    """Say how many passes runs took, what contradicts the filter, and why runs failed.
-
-    Of a disturbed campaign also what its truth is.
-    """
-    taken = ", ".join(f"{p} in {n} runs" for p, n in about.get("passes_taken", {}).items())
-    lines = [f"passes: {taken}"] if taken else []
-    if about.get("runs_contradicted"):
-        lines.append(f"innovations contradict the filter in {about['runs_contradicted']} runs")
-    why = Counter(about.get("failures", {}).values())
-    lines += [f"why {count} runs failed: {reason}" for reason, count in why.items()]
-    if about.get("disturbances"):
-        count = len(about["disturbances"])
-        lines.append(
-            f"disturbance {about['disturbance']}: {count} sources; truth of a bias that wanders is "
-            "its constant part"
-        )
-    return lines
+    if rows := summary.attrs.get("augmented"):
+        keys = ("bias", "rmse", "predicted_std", "rmse_over_predicted")
+        cells = [(k, r["unit"], *(f"{r[key]:.3g}" for key in keys)) for k, r in rows.items()]
+        show_augmented(keys, cells)
 
 
 @stage

@@ -1,6 +1,7 @@
 """Tables on the terminal: never wider than a usual window, whatever the window."""
 
 import textwrap
+from collections.abc import Iterable, Sequence
 
 from rich import box
 from rich.console import Console
@@ -42,3 +43,19 @@ def show(title: str, table: Table) -> None:
 def say(text: str, indent: str = "") -> None:
     """Print a paragraph on standard output, its second and later lines indented."""
     print(textwrap.fill(text, WIDTH, subsequent_indent=indent, break_long_words=False))
+
+
+def show_augmented(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+    """Print a table of augmented states that do not wander.
+
+    Parameters
+    ----------
+    headings : sequence of str
+        After those of name and unit.
+    rows : iterable of sequence of str
+        Name, unit, and a cell for each heading.
+    """
+    table = new_table(("augmented state", "unit"), tuple(headings))
+    for row in rows:
+        table.add_row(*row)
+    show("augmented states that do not wander", table)

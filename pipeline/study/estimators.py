@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from inscal.parameters import AUGMENTATIONS, GROUPS, NAMES
+from inscal.parameters import AUGMENTATIONS, GROUPS, NAMES, UNITS
 from pipeline.campaign import judged
-from pipeline.config.disturbance import BELIEVED, IDLE, KEYS, key_of
+from pipeline.config.disturbance import BELIEVED, KEYS, key_of
 from pipeline.config.load import disturbances, load, resolved, undisturbed, unknown
 from pipeline.config.schema import Config, Estimator
 from pipeline.config.setup import Setup
@@ -17,6 +17,7 @@ from pipeline.console.errors import ConfigError
 from pipeline.console.output import json_data
 from pipeline.study import findings, honesty
 from pipeline.study.budget import sheet
+from pipeline.study.unseen import OBLIQUE
 from pipeline.words import markdown as md
 from pipeline.words.render import render
 
@@ -25,6 +26,9 @@ PAPER = "states36"
 """The filter that others are held against."""
 NAMED = (PAPER, "states43", "robust")
 """Choices of the group `estimator` that are compared."""
+APART = ("accel_cubic", "accel_asymmetry")
+"""Groups that paths along the axes mix up with parameters, and turns of 45 degrees tell apart."""
+_SHARED = (*("accel_k11", "accel_k22", "accel_k33"), *GROUPS["accel_quadratic"])
 NOTHING, OWN, LABORATORY = "none", "what it models", "all"
 """Kinds of truth: without disturbances, with those modelled, with those configured."""
 
@@ -78,6 +82,10 @@ def plans(config: Config) -> list[Plan]:
     for name, about in named.items():
         kinds = (NOTHING, OWN, LABORATORY) if name != PAPER else (NOTHING, LABORATORY)
         out += [_plan(config, name, kind, about) for kind in kinds]
+    both = replace(named[PAPER], states=[*GROUPS, *APART])
+    oblique = replace(config, schedule=load([f"schedule={OBLIQUE}"]).schedule)
+    for about in (config, oblique):
+        out.append(_plan(about, f"{'_and_'.join(APART)}-{about.schedule.name}", OWN, both))
     return out
 
 
@@ -119,7 +127,8 @@ def content(config: Config, planned: Sequence[Plan]) -> dict[str, Any]:
     by_truth = {(plan.filter, plan.truth): plan for plan in planned}
     base = by_truth[PAPER, NOTHING].config.campaign.store
     runs = config.campaign.runs
-    rows = [_row(plan) for plan in planned]
+    rows = [_row(plan) for plan in planned if not plan.filter.startswith(APART[0] + "_and")]
+    separated = [_separated(plan) for plan in planned if plan.filter.startswith(APART[0] + "_and")]
     return {
         "schedule": config.schedule.name,
         "noise": config.noise.name,
@@ -129,6 +138,7 @@ def content(config: Config, planned: Sequence[Plan]) -> dict[str, Any]:
         "nees_limits": honesty.nees_limits(runs, len(NAMES)),
         "ratio_limits": honesty.ratio_limits(runs, len(NAMES)),
         "campaigns": rows,
+        "separated": separated,
         "price": {
             plan.filter: _price(plan.config.campaign.store, base)
             for plan in planned
@@ -170,6 +180,27 @@ def _nees_of_36(config: Config) -> float:
     return float(sheet(Setup(replace(config, estimator=paper))).budget.expected_nees)
 
 
+def _separated(plan: Plan) -> dict[str, Any]:
+    """What becomes of parameters that others are mixed up with, on one path."""
+    found = json_data(judged.as_json(judged.summary_of(plan.config, plan.config.campaign.store)))
+    alone = replace(plan.config, estimator=load([f"estimator={PAPER}"]).estimator)
+    setup = Setup(alone)
+    plain = dict(zip(NAMES, setup.gains.parameter_std[-1] / setup.unit, strict=True))
+    return {
+        "schedule": plan.config.schedule.name,
+        "nees": found["nees_mean"],
+        "parameters": {
+            name: {
+                "rmse": found["parameters"][name]["rmse"],
+                "predicted_std": found["parameters"][name]["predicted_std"],
+                "predicted_std_of_36": float(plain[name]),
+                "unit": UNITS[NAMES.index(name)],
+            }
+            for name in _SHARED
+        },
+    }
+
+
 def _price(store: str, base: str) -> dict[str, Any]:
     """RMSE of a filter over that of the paper's where nothing is disturbed, paired run by run."""
     found = judged.comparison_of(store, base)
@@ -200,24 +231,36 @@ def page(found: Mapping[str, Any]) -> str:
     return render(
         _TEMPLATES,
         "estimators.md.jinja",
-        **{key: found[key] for key in found if key not in ("campaigns", "price")},
+        **{key: found[key] for key in found if key not in ("campaigns", "price", "separated")},
         alone=[_cells_alone(row) for row in alone],
         count=len(alone),
         within=[row["filter"] for row in alone if low <= row["nees"] <= high],
         outside=[row["filter"] for row in alone if not low <= row["nees"] <= high],
         named=[_cells_named(row) for row in named],
         robust=robust,
+        apart=list(APART),
+        separated=[one["schedule"] for one in found["separated"]],
+        separated_nees=[one["nees"] for one in found["separated"]],
+        shared=[_cells_shared(name, found["separated"]) for name in _SHARED],
         filters=list(price),
         price=[(md.code(name), *(_ratio(price[which][name]) for which in price)) for name in NAMES],
         dearest={which: max(rows, key=lambda name: rows[name][0]) for which, rows in price.items()},
         price_of=price,
-        idle=len(IDLE),
     )
 
 
 def _ratio(values: Sequence[float]) -> str:
     ratio, low, high = values
     return f"{ratio:.3f} ({low:.3f} to {high:.3f})"
+
+
+def _cells_shared(name: str, paths: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    cells = [md.code(name), paths[0]["parameters"][name]["unit"]]
+    for path in paths:
+        own = path["parameters"][name]
+        keys = ("predicted_std_of_36", "predicted_std", "rmse")
+        cells += [f"{own[key]:.3g}" for key in keys]
+    return tuple(cells)
 
 
 def _range(row: Mapping[str, Any]) -> str:

@@ -5,6 +5,7 @@ here knows a result: every verdict is a threshold applied to the numbers handed 
 """
 
 import statistics
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -242,3 +243,23 @@ def time_text(result: Contest) -> str:
     saved = result.time_saved_percent
     same = abs(saved) < _SAME_TIME_PERCENT
     return sentence(TEMPLATES, "contest_time", a=result.a, saved=saved, same_time=same)
+
+
+def run_lines(about: Mapping[str, Any]) -> list[str]:
+    """Say how many passes runs took, what contradicts the filter, and why runs failed.
+
+    Of a disturbed one also its truth.
+    """
+    taken = ", ".join(f"{p} in {n} runs" for p, n in about.get("passes_taken", {}).items())
+    lines = [f"passes: {taken}"] if taken else []
+    if about.get("runs_contradicted"):
+        lines.append(f"innovations contradict the filter in {about['runs_contradicted']} runs")
+    why = Counter(about.get("failures", {}).values())
+    lines += [f"why {count} runs failed: {reason}" for reason, count in why.items()]
+    if about.get("disturbances"):
+        count = len(about["disturbances"])
+        lines.append(
+            f"disturbance {about['disturbance']}: {count} sources; truth of a bias that wanders is "
+            "its constant part"
+        )
+    return lines
