@@ -57,7 +57,7 @@ class InitialStd:
         m/s and m, each component.
     parameter : ndarray, shape (27,)
         In state order.
-    augmented : ndarray, shape (constants,), optional
+    augmented : ndarray, shape (n,), optional
         Of augmented states that do not wander, where they are not those of the transitions.
     """
 

@@ -143,15 +143,15 @@ class AugmentedTransitions:
 
     Attributes
     ----------
-    std : ndarray, shape (constants + wandering,)
+    std : ndarray, shape (n,)
         Standard deviations at the start, SI.
-    navigation : ndarray, shape (updates, 9, constants + wandering)
+    navigation : ndarray, shape (updates, 9, n)
         Effect on the navigation states over each interval of what they are at its start.
-    decay : ndarray, shape (wandering,)
-        Transition of those that wander over an interval.
-    drive : ndarray, shape (wandering,)
+    decay : ndarray, shape (w,)
+        Transition of those that wander, the last, over an interval.
+    drive : ndarray, shape (w,)
         Standard deviation of what is added to each meanwhile, by a unit normal u.
-    driven : ndarray, shape (wandering, 2)
+    driven : ndarray, shape (w, 2)
         What of u and of another unit normal acts on navigation within the interval, as a share of
         the state's own effect there.
     """

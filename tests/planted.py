@@ -84,8 +84,8 @@ def upper_gyro_matrix_in_filter(patch):
 def initial_attitude_too_sure(patch):
     original = recursion.initial_root
 
-    def root(model, std):
-        return original(model, replace(std, attitude=std.attitude / 10))
+    def root(model, std, *rest):
+        return original(model, replace(std, attitude=std.attitude / 10), *rest)
 
     return built_with(patch, recursion, "initial_root", root)
 

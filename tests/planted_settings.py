@@ -15,6 +15,7 @@ from inscal import (
     estimator,
     experiment,
     motion,
+    path,
     recursion,
     schedule,
     simulation,
@@ -132,8 +133,8 @@ def observations_trusted_too_little(patch):
 
 
 def attitude_prior_in_reverse(patch):
-    def change(original, model, std):
-        return original(model, replace(std, attitude=std.attitude[::-1]))
+    def change(original, model, std, *rest):
+        return original(model, replace(std, attitude=std.attitude[::-1]), *rest)
 
     _wrap(patch, recursion, "initial_root", change)
 
@@ -186,7 +187,7 @@ def ramps_taken_for_steady_turns(patch):
         made = original(*arguments, **options)
         return replace(made, ramp=np.zeros_like(made.ramp))
 
-    _wrap(patch, experiment, "build_motion", change)
+    _wrap(patch, path, "build_motion", change)
 
 
 def posture_north_east_down(patch):

@@ -285,7 +285,7 @@ def _check_disturbance(config: Config) -> None:
 def _check_states(config: Config) -> None:
     states, allowed = config.estimator.states, [*GROUPS, *AUGMENTATIONS]
     known = all(name in allowed for name in states)
-    if not set(states) & set(GROUPS) or not known or len(set(states)) < len(states):
+    if not known or not set(states) & set(GROUPS) or len(set(states)) < len(states):
         words = f"one or more of {', '.join(GROUPS)}, and any of {', '.join(AUGMENTATIONS)}"
         _fail("estimator.states", states, f"{words}, each once")
     for name, about in AUGMENTATIONS.items():
