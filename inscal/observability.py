@@ -306,7 +306,7 @@ def sigma_share(
     -------
     ndarray, shape (positions, 27)
     """
-    ends = np.arange(1, schedule.positions + 1) * schedule.position_duration / update_interval
+    ends = schedule.ends / update_interval
     return parameter_std[np.rint(ends).astype(int) - 1] / prior
 
 

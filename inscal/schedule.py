@@ -1,12 +1,14 @@
 """Calibration schedules: a list of turns, and the postures and motion segments they lead to.
 
 A schedule starts in a posture (the directions in which the body axes point), dwells, turns about a
-body axis, dwells again, and so on. Every position lasts equally long, its turn included; the last
-one only dwells (paper section 4, Table 1). The rate of a turn is that of `inscal.profile`.
+body axis, dwells again, and so on. A position's time is that of its dwell and of the turn that ends
+it; the last one only dwells (paper section 4, Table 1, where all last equally long). The rate of a
+turn is that of `inscal.profile`.
 """
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -26,15 +28,37 @@ class Turn:
         Right-handed angle, rad; negative turns the other way.
     axis : int
         Body axis, 0, 1 or 2 for x, y or z.
+    duration : float or None
+        Of the position that it ends, s; None: as long as others.
+    rate : float or None
+        Highest rate, rad/s; None: that of the other turns.
     """
 
     angle: float
     axis: int
+    duration: float | None = None
+    rate: float | None = None
 
 
-def turns_of(rotations: Iterable[tuple[float, str]]) -> tuple[Turn, ...]:
-    """Turns from angles in degrees and names of body axes, such as ``(-90.0, "Y")``."""
-    return tuple(Turn(angle * DEGREE, AXES.index(axis)) for angle, axis in rotations)
+def turns_of(rotations: Iterable[Sequence[Any]]) -> tuple[Turn, ...]:
+    """Turns in degrees about body axes by name.
+
+    Parameters
+    ----------
+    rotations : iterable of sequence
+        Such as ``(-90.0, "Y")``; a third entry is the duration of the position in s, a fourth the
+        rate in deg/s.
+
+    Returns
+    -------
+    tuple of Turn
+    """
+    out = []
+    for angle, axis, *rest in rotations:
+        duration, rate, *_ = [*rest, None, None]
+        about = None if rate is None else rate * DEGREE
+        out.append(Turn(angle * DEGREE, AXES.index(axis), duration, about))
+    return tuple(out)
 
 
 @dataclass(frozen=True)
@@ -48,11 +72,13 @@ class Schedule:
     turns : tuple of Turn
         The turns; there is one position more.
     position_duration : float
-        Time from one position to the next, its turn included, s.
+        Time from one position to the next, its turn included, s, where a turn does not say another.
     turn_rate : float
-        Highest rate of every turn, rad/s.
+        Highest rate of turns, rad/s, where one does not say another.
     turn_acceleration : float or None
         With which a turn comes to its rate and back to rest, rad/s^2; None: at once.
+    last_duration : float or None
+        Of the last position, s, if another.
     """
 
     initial_posture: tuple[str, str, str]
@@ -60,6 +86,7 @@ class Schedule:
     position_duration: float
     turn_rate: float
     turn_acceleration: float | None = None
+    last_duration: float | None = None
 
     @property
     def positions(self) -> int:
@@ -67,9 +94,24 @@ class Schedule:
         return len(self.turns) + 1
 
     @property
+    def durations(self) -> np.ndarray:
+        """Duration of every position, s, shape (positions,)."""
+        own = [*(turn.duration for turn in self.turns), self.last_duration]
+        return np.array([self.position_duration if one is None else one for one in own])
+
+    @property
+    def ends(self) -> np.ndarray:
+        """Time at the end of every position, s, shape (positions,)."""
+        return np.cumsum(self.durations)
+
+    @property
     def duration(self) -> float:
         """Duration of the whole path, s."""
-        return self.positions * self.position_duration
+        return float(self.ends[-1])
+
+    def rate_of(self, turn: Turn) -> float:
+        """Highest rate of a turn, rad/s."""
+        return self.turn_rate if turn.rate is None else turn.rate
 
 
 @dataclass(frozen=True)
@@ -217,15 +259,16 @@ def segments(schedule: Schedule) -> list[Segment]:
     out = []
     still = np.zeros(3)
     dwells = attitudes(schedule)
-    for position, attitude in enumerate(dwells):
-        start = position * schedule.position_duration
-        end = start + schedule.position_duration
+    ends = schedule.ends
+    starts = ends - schedule.durations
+    for position, (attitude, start, end) in enumerate(zip(dwells, starts, ends, strict=True)):
         if position == len(schedule.turns):
             out.append(Segment(start, end, attitude, still, still, -1))
             break
         vector = turn_vector(schedule.turns[position])
         angle = float(np.linalg.norm(vector))
-        profile = profile_of(angle, schedule.turn_rate, schedule.turn_acceleration)
+        rate = schedule.rate_of(schedule.turns[position])
+        profile = profile_of(angle, rate, schedule.turn_acceleration)
         turn_start = end - profile.duration
         if turn_start < start:
             raise ValueError(

@@ -22,6 +22,7 @@ from pipeline.config.load import config_of
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
+from pipeline.console.errors import DataError
 from pipeline.console.output import json_data, write_text
 from pipeline.console.progress import busy
 from pipeline.proof import report as consistency_report
@@ -48,6 +49,8 @@ def main(config: Config) -> None:
     with busy("repeating runs for their innovations"):
         repeated = repeat_runs(done, made_with, experiment)
     positions = len(made_with.schedule.rotations) + 1
+    if len(set(Setup(made_with).schedule.durations)) > 1:
+        raise DataError(f"campaign.store = {config.campaign.store}: its positions differ in length")
     bounds = bounds_of(made_with, experiment)
     about = numbers.innovations(repeated, experiment, positions)
     correlation, last = correlation_of(experiment), numbers.last_pass(about)

@@ -10,7 +10,7 @@ import xarray as xr
 from inscal.parameters import NAMES
 from inscal.summary import augmented, compare, summarize
 from pipeline.campaign import store
-from pipeline.config.load import differences, disturbances
+from pipeline.config.load import differences, disturbances, position_durations
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError
@@ -164,8 +164,7 @@ def comparison(a: str | Path, left: xr.Dataset, b: str | Path, right: xr.Dataset
 
 
 def _duration(campaign: xr.Dataset) -> float:
-    schedule = campaign.attrs["configuration"]["schedule"]
-    return (len(schedule["rotations"]) + 1) * schedule["position_duration_s"]
+    return sum(position_durations(campaign.attrs["configuration"]["schedule"]))
 
 
 def table_text(dataset: xr.Dataset) -> str:

@@ -11,7 +11,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from inscal.parameters import KIND_OF, KINDS, NAMES, members
+from pipeline.config.load import position_durations
 from pipeline.console.output import written
+from pipeline.words import markdown as md
 
 styled = mpl.rc_context(
     {
@@ -71,8 +73,8 @@ def noise_text(noise: Mapping[str, Any]) -> str:
 
 def schedule_text(configuration: Mapping[str, Any]) -> str:
     """Schedule of a campaign, such as ``25 positions of 500 s``."""
-    schedule = configuration["schedule"]
-    return f"{len(schedule['rotations']) + 1} positions of {schedule['position_duration_s']:g} s"
+    durations = position_durations(configuration["schedule"])
+    return f"{len(durations)} positions of {md.spread(durations)} s"
 
 
 def passes_text(passes: int) -> str:

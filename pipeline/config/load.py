@@ -214,6 +214,13 @@ def unknown(configuration: Mapping[str, Any]) -> list[str]:
     return [key for key in disturbances(configuration) if key not in same]
 
 
+def position_durations(schedule: Mapping[str, Any]) -> list[float]:
+    """Duration of every position of a schedule as stores and JSON have it, s."""
+    usual = schedule["position_duration_s"]
+    own = [rotation[2] if len(rotation) > 2 else None for rotation in schedule["rotations"]]
+    return [x or usual for x in (*own, schedule.get("last_position_duration_s"))]
+
+
 def differences(old: Mapping[str, Any], new: Mapping[str, Any], prefix: str = "") -> list[str]:
     """Keys of nested configurations that differ, with both values."""
     lines = []
@@ -241,4 +248,7 @@ def _make_floats(config: Config) -> None:
         for key in KIND_KEYS.values():
             value = getattr(group, key)
             setattr(group, key, [*map(float, value)] if isinstance(value, list) else float(value))
-    config.schedule.rotations = [[float(angle), axis] for angle, axis in config.schedule.rotations]
+    config.schedule.rotations = [
+        [float(angle), axis, *(None if x is None else float(x) for x in rest)]
+        for angle, axis, *rest in config.schedule.rotations
+    ]

@@ -178,6 +178,7 @@ _RULES: dict[str, Rule] = {
 
 _OPTIONAL_RULES: dict[str, Rule] = {
     "schedule.turn_acceleration_deg_per_s2": (POSITIVE[0], f"null, or {POSITIVE[1]}"),
+    "schedule.last_position_duration_s": (POSITIVE[0], f"null, or {POSITIVE[1]}"),
     "cluster.workers": COUNT,
     "cluster.address": (_is_address, "an address such as tcp://127.0.0.1:8786"),
     "cluster.queue": NAME,
@@ -218,22 +219,23 @@ def _check_schedule(config: Config) -> None:
         _fail("schedule.rotations", [], "at least one [angle_deg, axis]; this is an empty schedule")
     for number, rotation in enumerate(schedule.rotations):
         _check_rotation(f"schedule.rotations[{number}]", rotation, config)
-    angle_step = schedule.turn_rate_deg_per_s * config.simulation.turn_step_s
-    if angle_step > _MAX_ANGLE_STEP_DEG:
+    rates = [rotation[3] or 0.0 for rotation in schedule.rotations if len(rotation) > 3]
+    fastest = max(schedule.turn_rate_deg_per_s, *rates, 0.0)
+    if fastest * config.simulation.turn_step_s > _MAX_ANGLE_STEP_DEG:
         _fail(
             "simulation.turn_step_s",
             config.simulation.turn_step_s,
-            f"at most {_MAX_ANGLE_STEP_DEG / schedule.turn_rate_deg_per_s:g}, which is "
+            f"at most {_MAX_ANGLE_STEP_DEG / fastest:g}, which is "
             f"{_MAX_ANGLE_STEP_DEG:g} deg at schedule.turn_rate_deg_per_s",
         )
-    updates = schedule.position_duration_s / config.estimator.update_interval_s
-    if not _is_count(updates):
-        _fail(
-            "schedule.position_duration_s",
-            schedule.position_duration_s,
-            "a multiple of estimator.update_interval_s, which is "
-            f"{config.estimator.update_interval_s!r}",
-        )
+    for key in ("position_duration_s", "last_position_duration_s"):
+        _check_duration(f"schedule.{key}", getattr(schedule, key), config)
+
+
+def _check_duration(key: str, value: float | None, config: Config) -> None:
+    interval = config.estimator.update_interval_s
+    if value is not None and not _is_count(value / interval):
+        _fail(key, value, f"a multiple of estimator.update_interval_s, which is {interval!r}")
 
 
 def _check_posture(posture: list[str]) -> None:
@@ -246,24 +248,25 @@ def _check_posture(posture: list[str]) -> None:
 
 
 def _check_rotation(key: str, rotation: object, config: Config) -> None:
-    if not isinstance(rotation, list) or len(rotation) != 2:
-        _fail(key, rotation, "[angle_deg, axis], such as [90, Y]")
-    angle, axis = rotation
-    if not _is_number(angle) or angle % 45.0 != 0.0 or not 0.0 < abs(angle) <= 360.0:
-        _fail(key, rotation, "[angle_deg, axis] with an angle of +-45, 90, ... 360")
+    if not isinstance(rotation, list) or not 2 <= len(rotation) <= 4:
+        _fail(key, rotation, "[angle_deg, axis], such as [90, Y], then seconds and deg/s, if any")
+    angle, axis, *rest = rotation
+    if not _is_number(angle) or not 0.0 < abs(angle) <= 360.0:
+        _fail(key, rotation, "[angle_deg, axis] with an angle up to 360 either way, and not 0")
     if axis not in ("X", "Y", "Z"):
         _fail(key, rotation, "[angle_deg, axis] with X, Y or Z for its axis")
+    if not all(value is None or POSITIVE[0](value) for value in rest):
+        _fail(key, rotation, "[angle_deg, axis, seconds, deg/s] that ends with null or numbers > 0")
     about = config.schedule
+    seconds, rate, *_ = [*rest, None, None]
+    position = about.position_duration_s if seconds is None else seconds
+    _check_duration(f"{key}: position of", seconds, config)
     duration = profile_of(
-        abs(angle), about.turn_rate_deg_per_s, about.turn_acceleration_deg_per_s2
+        abs(angle), rate or about.turn_rate_deg_per_s, about.turn_acceleration_deg_per_s2
     ).duration
-    if duration >= config.schedule.position_duration_s:
-        _fail(
-            key,
-            rotation,
-            f"a turn shorter than schedule.position_duration_s, "
-            f"{config.schedule.position_duration_s:g}; it takes {duration:g} s",
-        )
+    if duration >= position:
+        whose = "schedule.position_duration_s" if seconds is None else "its position"
+        _fail(key, rotation, f"a turn shorter than {whose}, {position:g}; it takes {duration:g} s")
 
 
 def _check_passes(config: Config) -> None:

@@ -96,8 +96,11 @@ class Schedule:
         With which turns come to their rate and back to rest; null: at once.
     initial_posture : list of str
         Where the body axes x, y, z point at first: North, South, East, West, Up or Down.
-    rotations : list of [float, str]
-        Angle in degrees and body axis (X, Y or Z) of each turn.
+    rotations : list of [float, str, float or None, float or None]
+        Angle in degrees and body axis (X, Y or Z) of each turn; then, where they differ from the
+        others, the duration in seconds of the position that it ends, and its rate in deg/s.
+    last_position_duration_s : float or None
+        Duration of the last position; null: as long as others.
     """
 
     name: str = MISSING
@@ -106,6 +109,7 @@ class Schedule:
     turn_acceleration_deg_per_s2: float | None = None
     initial_posture: list[str] = MISSING
     rotations: list[Any] = MISSING
+    last_position_duration_s: float | None = None
 
 
 @dataclass

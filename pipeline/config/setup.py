@@ -73,10 +73,11 @@ class Setup:
         x, y, z = about.initial_posture
         return schedule.Schedule(
             initial_posture=(x, y, z),
-            turns=schedule.turns_of((angle, axis) for angle, axis in about.rotations),
+            turns=schedule.turns_of(about.rotations),
             position_duration=about.position_duration_s,
             turn_rate=about.turn_rate_deg_per_s * units.DEGREE,
             turn_acceleration=None if acceleration is None else acceleration * units.DEGREE,
+            last_duration=about.last_position_duration_s,
         )
 
     @cached_property

@@ -185,9 +185,9 @@ class Sheet:
 
 def checkpoints(config: Config) -> list[int]:
     """Numbers of updates at which a budget is drawn over time: twice in every position."""
-    schedule, interval = config.schedule, config.estimator.update_interval_s
-    half = 0.5 * schedule.position_duration_s / interval
-    return [round(half * k) for k in range(1, 2 * len(schedule.rotations) + 3)]
+    ends = Setup(config).schedule.ends / config.estimator.update_interval_s
+    middles = 0.5 * (ends + np.concatenate([[0.0], ends[:-1]]))
+    return [int(k) for k in np.rint(np.stack([middles, ends], axis=1)).ravel()]
 
 
 def _variance(budget: Budget, unit: np.ndarray) -> dict[str, np.ndarray]:

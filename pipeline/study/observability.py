@@ -67,7 +67,7 @@ def rank_counts(config: Config, convention: obs.Convention) -> tuple[obs.Ranks, 
     noise = np.sqrt(np.diag(observation_covariance(setup.noise)))
     sigma = np.concatenate([setup.prior.navigation, setup.prior.parameter])
     return obs.ranks(dynamics), obs.unit_free_ranks(
-        dynamics, sigma, noise, setup.schedule.position_duration
+        dynamics, sigma, noise, float(setup.schedule.durations.mean())
     )
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from inscal.parameters import KINDS, NAMES, members
+from pipeline.config.load import position_durations
 from pipeline.config.schema import KIND_KEYS
 from pipeline.study import assumptions, findings, honesty, verdict
 from pipeline.study.findings import ENOUGH, Results, Summary
@@ -93,13 +94,13 @@ def _campaign(name: str, summary: Summary) -> dict[str, Any]:
 
 
 def _schedule(schedule: Mapping[str, Any]) -> dict[str, Any]:
-    positions, duration = len(schedule["rotations"]) + 1, schedule["position_duration_s"]
+    durations = position_durations(schedule)
     return {
         "name": schedule["name"],
-        "positions": positions,
-        "position_s": duration,
+        "positions": len(durations),
+        "position_s": md.spread(durations),
         "turn_rate": schedule["turn_rate_deg_per_s"],
-        "total_s": positions * duration,
+        "total_s": sum(durations),
     }
 
 

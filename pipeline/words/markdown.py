@@ -57,6 +57,12 @@ def sizes(values: float | Sequence[float]) -> str:
     return ", ".join(f"{v:g}" for v in (several if len(set(several)) > 1 else several[:1]))
 
 
+def spread(values: Sequence[float]) -> str:
+    """Write one number for all if they are alike, such as 500, or from which to which they go."""
+    low, high = min(values), max(values)
+    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
+
+
 def ends(values: Iterable[int]) -> str:
     """Write the smallest and the largest number; one if they are equal."""
     ordered = sorted(set(values))
