@@ -127,8 +127,14 @@ BAD = [
     ([f"{ROTATIONS}=[[0,X]]"], f"{ROTATIONS}[0] = [0, 'X']: must be [angle_deg, axis] with an"),
     ([f"{ROTATIONS}=[[30,X,0]]"], f"{ROTATIONS}[0] = [30, 'X', 0]: must be [angle_deg, axis, sec"),
     ([f"{ROTATIONS}=[[30,X,50,-1]]"], "[0] = [30, 'X', 50, -1]: must be [angle_deg, axis, seconds"),
-    ([f"{ROTATIONS}=[[30,X,50,1,1]]"], "[0] = [30, 'X', 50, 1, 1]: must be [angle_deg, axis], such"),
-    ([f"{ROTATIONS}=[[90,X,9]]"], "[0] = [90, 'X', 9]: must be a turn shorter than its position, 9;"),
+    (
+        [f"{ROTATIONS}=[[30,X,50,1,1]]"],
+        "[0] = [30, 'X', 50, 1, 1]: must be [angle_deg, axis], such",
+    ),
+    (
+        [f"{ROTATIONS}=[[90,X,9]]"],
+        "[0] = [90, 'X', 9]: must be a turn shorter than its position, 9;",
+    ),
     ([f"{ROTATIONS}=[[90,X,60.5]]"], f"{ROTATIONS}[0]: position of = 60.5: must be a multiple of"),
     ([f"{ROTATIONS}=[[90,X,60,100]]"], "simulation.turn_step_s = 0.5: must be at most 0.14, which"),
     (["schedule.last_position_duration_s=0"], "last_position_duration_s = 0.0: must be null, or a"),

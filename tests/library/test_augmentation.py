@@ -210,6 +210,25 @@ def test_what_is_modelled_does_no_harm(name):
     assert (np.abs(ratio - 1.0) < 5.0 / np.sqrt(2 * runs)).all()
 
 
+def test_in_ramps_too_what_is_modelled_does_no_harm():
+    """Arms and a delay act most where the rate changes: 64 runs of a path whose turns have ramps."""
+    ramped = dataclasses.replace(SCHEDULE, turn_acceleration=np.deg2rad(10.0))
+    sizes = {"off_axis_lever_arm": 0.02, "gyro_accel_delay": 1e-3, "table_offset": 0.02}
+    groups = tuple(sizes)
+    experiment = prepare(
+        3,
+        ramped,
+        SITE,
+        Truth(TruthModel("normal", 0.1 * SIZE), NOISE, STD, Disturbance(**sizes)),
+        Belief(NOISE, STD, 2, 1.0, model_of(*groups), BELIEVED),
+        dwell_step=1.0,
+        turn_step=0.5,
+    )
+    outcome = run(experiment, range(64))
+    low, high = stats.chi2.ppf([5e-5, 1 - 5e-5], 27 * 64) / 64
+    assert low < outcome.nees.mean() < high
+
+
 def test_runs_do_not_depend_on_their_company():
     experiment, outcome = campaign("wander")
     alone = run(experiment, [37])

@@ -88,7 +88,10 @@ def test_sources_add_up():
     made = budget(system_of(disturbed_by(**LARGE)))
     total = sum([*made.formal.values(), *made.disturbances.values()])
     np.testing.assert_allclose(made.true_covariance, total, rtol=1e-12, atol=1e-40)
-    assert (np.diag(made.disturbances["position_noise_factor"]) <= 0.0).all()
+    for name, factor in (("gyro", 1.4), ("position", 0.5)):
+        added = made.disturbances[f"{name}_noise_factor"]
+        expected = (factor**2 - 1.0) * made.formal[f"{name}_noise"]
+        np.testing.assert_allclose(added, expected, rtol=1e-12)
     for source in PROCESSES:
         assert np.linalg.eigvalsh(made.disturbances[source] / np.outer(SIZE, SIZE))[0] > -1e-9
 

@@ -218,6 +218,8 @@ def test_nees_is_invariant_under_linear_maps(seed):
 
 def test_nees_interval_has_the_published_values():
     # Bar-Shalom et al. (2001), sec. 5.4: 50 runs of dimension 2, chi-square table of 100 degrees.
+    one = stats.chi2.ppf([0.025, 0.975], 3)
+    assert statistics.nees_interval(1, 3) == pytest.approx(tuple(one), rel=1e-9)
     assert statistics.nees_interval(50, 2) == pytest.approx((74.222 / 50, 129.561 / 50), abs=1e-4)
     with pytest.raises(ValueError, match="positive"):
         statistics.nees_interval(0, 2)
