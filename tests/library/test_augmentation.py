@@ -211,7 +211,7 @@ def test_what_is_modelled_does_no_harm(name):
 
 
 def test_in_ramps_too_what_is_modelled_does_no_harm():
-    """Arms and a delay act most where the rate changes: 64 runs of a path whose turns have ramps."""
+    """Arms and a delay act most where the rate changes: runs of a path whose turns have ramps."""
     ramped = dataclasses.replace(SCHEDULE, turn_acceleration=np.deg2rad(10.0))
     sizes = {"off_axis_lever_arm": 0.02, "gyro_accel_delay": 1e-3, "table_offset": 0.02}
     groups = tuple(sizes)
