@@ -277,12 +277,25 @@ def segments(schedule: Schedule) -> list[Segment]:
         if turn_start > start:
             out.append(Segment(start, turn_start, attitude, still, still, -1))
         rest = Segment(turn_start, end, attitude, still, still, position)
-        out += _turning(rest, vector / angle, profile)
+        out += turning(rest, vector / angle, profile)
     return out
 
 
-def _turning(whole: Segment, axis: np.ndarray, profile: Profile) -> list[Segment]:
-    """Ramp, plateau and ramp, as there are, of a turn about a unit vector of the body."""
+def turning(whole: Segment, axis: np.ndarray, profile: Profile) -> list[Segment]:
+    """Ramp, plateau and ramp, as there are, of a turn.
+
+    Parameters
+    ----------
+    whole : Segment
+        The turn's time and its attitude at the start; its rates are not used.
+    axis : ndarray, shape (3,)
+        Unit vector of the body.
+    profile : Profile
+
+    Returns
+    -------
+    list of Segment
+    """
     rate = axis * profile.rate
     if profile.ramp == 0.0:
         return [replace(whole, rate=rate)]

@@ -29,7 +29,7 @@ from inscal import earth, parameters
 from inscal.motion import Site, attitude_at, cut, update_count, update_of
 from inscal.record import OBSERVED
 from inscal.rotation import skew
-from inscal.schedule import Schedule, segments
+from inscal.schedule import Schedule, Segment, segments
 
 NAVIGATION = 9
 """Navigation states, three each: attitude (N, E, D), velocity (N, E, D), position (N, E, h)."""
@@ -284,10 +284,43 @@ def build_transitions(
     """
     updates = update_count(schedule, update_interval)
     a = navigation_dynamics(site)
+    columns, index = columns_of(segments(schedule), site, a, update_interval, updates)
+    return Transitions(
+        navigation=expm(a * update_interval),
+        parameter=columns[:, :, model.columns],
+        index=index,
+        noise=noise_of(a, noise, update_interval),
+        dynamics=a,
+        interval=update_interval,
+    )
+
+
+def columns_of(
+    parts: Sequence[Segment], site: Site, a: np.ndarray, update_interval: float, updates: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Effect of the 27 parameters on the navigation states over the updates of a stretch.
+
+    Parameters
+    ----------
+    parts : sequence of Segment
+        Whose first begins with an update interval.
+    site : Site
+    a : ndarray, shape (9, 9)
+        Of `navigation_dynamics`.
+    update_interval : float
+        s.
+    updates : int
+
+    Returns
+    -------
+    columns : ndarray, shape (distinct, 9, 27)
+    index : ndarray of int, shape (updates,)
+        Which of them leads to each update.
+    """
     carries = _carries(a)
     distinct: list[np.ndarray] = []
     index = np.full(updates, -1)
-    for segment in segments(schedule):
+    for segment in parts:
         edges = cut(segment, update_interval)
         update = update_of(edges, update_interval)
         if segment.is_turn:
@@ -300,20 +333,12 @@ def build_transitions(
             start, end = edges[pieces[0]], edges[pieces[0] + 1]
             interval_end = (update[pieces[0]] + 1) * update_interval
             column = _integrate(segment, site, carries, start, end, interval_end)
-            column = column[:, model.columns]
             if len(pieces) == 1 and index[update[pieces[0]]] >= 0:
                 distinct[index[update[pieces[0]]]] += column
             else:
                 index[update[pieces]] = len(distinct)
                 distinct.append(column)
-    return Transitions(
-        navigation=expm(a * update_interval),
-        parameter=np.array(distinct),
-        index=index,
-        noise=_noise_covariance(a, noise, update_interval),
-        dynamics=a,
-        interval=update_interval,
-    )
+    return np.array(distinct), index
 
 
 def _integrate(segment, site, carries, start, end, interval_end) -> np.ndarray:
@@ -365,11 +390,25 @@ def noise_covariance(transitions: Transitions, noise: NoiseModel) -> np.ndarray:
     -------
     ndarray, shape (9, 9)
     """
-    return _noise_covariance(transitions.dynamics, noise, transitions.interval)
+    return noise_of(transitions.dynamics, noise, transitions.interval)
 
 
-def _noise_covariance(a: np.ndarray, noise: NoiseModel, interval: float) -> np.ndarray:
-    """Van Loan's integral of the sensor noise; equal on all axes, so it does not turn."""
+def noise_of(a: np.ndarray, noise: NoiseModel, interval: float) -> np.ndarray:
+    """Covariance that sensor noise adds over an interval; equal on all axes, so it does not turn.
+
+    Parameters
+    ----------
+    a : ndarray, shape (9, 9)
+        Of `navigation_dynamics`.
+    noise : NoiseModel
+    interval : float
+        s.
+
+    Returns
+    -------
+    ndarray, shape (9, 9)
+        By van Loan's integral.
+    """
     n = NAVIGATION
     density = np.zeros((n, n))
     density[0:3, 0:3] = np.square(noise.gyro) * np.eye(3)

@@ -91,9 +91,7 @@ def initial_attitude_too_sure(patch):
 
 
 def sensor_noise_missing_in_filter(patch):
-    return built_with(
-        patch, state_model, "_noise_covariance", lambda a, noise, interval: np.zeros((9, 9))
-    )
+    return built_with(patch, state_model, "noise_of", lambda a, noise, interval: np.zeros((9, 9)))
 
 
 def gravity_of_1967(patch):

@@ -81,7 +81,7 @@ def process_noise_of_one_second(patch):
     def change(original, a, noise, interval):
         return original(a, noise, 1.0)
 
-    _wrap(patch, state_model, "_noise_covariance", change)
+    _wrap(patch, state_model, "noise_of", change)
 
 
 def transition_of_one_second(patch):
