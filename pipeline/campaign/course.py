@@ -1,11 +1,12 @@
 """One run of a campaign again, with its course over time."""
 
 import json
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from inscal.experiment import run_with_history
+from inscal.experiment import Outcome, run_with_history
 from inscal.parameters import NAMES, UNITS
 from pipeline.config.load import resolved
 from pipeline.config.schema import Config
@@ -37,11 +38,7 @@ def history_dataset(config: Config) -> xr.Dataset:
     per_parameter = {"units": "see coordinate unit"}
     per_observation = {"units": "see coordinate observation_unit"}
     interval = config.estimator.update_interval_s
-    augmented = {
-        "augmented_truth": outcome.augmented_truth[0] / setup.augmented_unit,
-        "augmented_estimate": outcome.augmented_estimate[0] / setup.augmented_unit,
-        "augmented_predicted_std": experiment.estimator.augmented_std / setup.augmented_unit,
-    }
+    augmented, coordinates = _augmented(setup, outcome)
     gains = [experiment.estimator.gains(p) for p in passes]
     return xr.Dataset(
         {
@@ -76,8 +73,7 @@ def history_dataset(config: Config) -> xr.Dataset:
             ),
             "parameter": np.array(NAMES, dtype=object),
             "unit": ("parameter", np.array(UNITS, dtype=object)),
-            "augmented": np.array(setup.augmented_names, dtype=object),
-            "augmented_unit": ("augmented", np.array(setup.augmented_units, dtype=object)),
+            **coordinates,
             "observation": np.array(
                 [f"velocity_{d}" for d in ("north", "east", "down")]
                 + [f"position_{d}" for d in ("north", "east", "height")],
@@ -92,3 +88,21 @@ def history_dataset(config: Config) -> xr.Dataset:
             "configuration": json.dumps(resolved(config)),
         },
     )
+
+
+def _augmented(setup: Setup, outcome: Outcome) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Values and coordinates of augmented states; nothing where there are none."""
+    names, unit = setup.augmented_names, setup.augmented_unit
+    if not names:
+        return {}, {}
+    values = {
+        "augmented_truth": outcome.augmented_truth[0] / unit,
+        "augmented_estimate": outcome.augmented_estimate[0] / unit,
+        "augmented_predicted_std": setup.experiment.estimator.augmented_std / unit,
+    }
+    units = np.array(setup.augmented_units, dtype=object)
+    coordinates = {
+        "augmented": np.array(names, dtype=object),
+        "augmented_unit": ("augmented", units),
+    }
+    return values, coordinates
