@@ -154,7 +154,7 @@ def covariance(about: Tables, moves: np.ndarray, rests: np.ndarray) -> np.ndarra
     """
     n = about.rates.shape[2]
     out = np.empty((NAVIGATION + n,) * 2)
-    _through(
+    through(
         moves, rests, about.after, about.rates, about.turn_seen, about.turn_carried,
         about.turn_noise, about.rest_seen, about.rest_carried, about.rest_noise, about.initial, out,
     )  # fmt: skip
@@ -162,7 +162,7 @@ def covariance(about: Tables, moves: np.ndarray, rests: np.ndarray) -> np.ndarra
 
 
 @compiled
-def _through(
+def through(
     moves, rests, after, rates, turn_seen, turn_carried, turn_noise,
     rest_seen, rest_carried, rest_noise, initial, p,
 ):  # fmt: skip

@@ -253,13 +253,74 @@ class Bounds(KindValues):
 
 
 @dataclass
+class Design:
+    """What `pipeline.design` looks for.
+
+    Attributes
+    ----------
+    name : str
+        Of the schedule that it writes.
+    folder : str
+        Where to.
+    objective : str
+        ``joint_share``: most runs that keep all bounds; ``worst``: least largest sigma over bound;
+        ``d_optimal``: least determinant of the covariance; ``shortest``: least time at
+        `joint_share`.
+    total_time_s : float
+        Of the path; of ``shortest``: at most.
+    joint_share : float
+        Share of runs that ``shortest`` is to reach.
+    positions : int
+        Number of positions.
+    angles_deg : list of float
+        Allowed angles of turns, multiples of 45.
+    axes : list of str
+        Allowed body axes of turns.
+    shortest_dwell_s, longest_position_s, time_step_s : float
+        Limits of times, and by what they change.
+    last_posture : list of str or None
+        Where the body axes are to point at the end; null: anywhere.
+    cable_limit_deg : float or None
+        Largest sum of turns about an axis either way; null: any.
+    start_from : str or None
+        Schedule to begin the search with; null: random turns.
+    seconds : float
+        How long to search, at `steps_per_second`; the number of steps is what counts.
+    steps_per_second : float
+        Paths judged a second on the machine that `seconds` are of.
+    chains : int
+        Independent searches, the best of which is taken.
+    seed : int
+    """
+
+    name: str = MISSING
+    folder: str = MISSING
+    objective: str = MISSING
+    total_time_s: float = MISSING
+    joint_share: float = MISSING
+    positions: int = MISSING
+    angles_deg: list[float] = MISSING
+    axes: list[str] = MISSING
+    shortest_dwell_s: float = MISSING
+    longest_position_s: float = MISSING
+    time_step_s: float = MISSING
+    last_posture: list[str] | None = None
+    cable_limit_deg: float | None = None
+    start_from: str | None = None
+    seconds: float = MISSING
+    steps_per_second: float = MISSING
+    chains: int = MISSING
+    seed: int = MISSING
+
+
+@dataclass
 class Config:
     """The whole configuration.
 
     Attributes
     ----------
     truth, noise, disturbance, schedule, site, simulation, estimator, sensor, campaign, cluster, \
-bounds : object
+bounds, design : object
         The groups of ``conf/``.
     only_run : int or None
         The one run to compute.
@@ -289,6 +350,7 @@ bounds : object
     campaign: Campaign = field(default_factory=Campaign)
     cluster: Cluster = field(default_factory=Cluster)
     bounds: Bounds = field(default_factory=Bounds)
+    design: Design = field(default_factory=Design)
     only_run: int | None = None
     out: str | None = None
     a: str | None = None

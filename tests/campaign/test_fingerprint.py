@@ -8,7 +8,7 @@ from campaigns import SHORT
 
 from inscal import kernel
 from pipeline.campaign import store
-from pipeline.config.disturbance import KEYS
+from pipeline.config.disturbance import BELIEVED, KEYS
 from pipeline.config.load import load, resolved
 from pipeline.config.schema import KIND_KEYS
 
@@ -43,6 +43,10 @@ CHANGES = [
     "campaign.runs=31",
     "campaign.seed=1",
     *(f"disturbance.{key}=0.7" for key in KEYS),
+    *(f"estimator.believed.{key}=0.7" for key in BELIEVED),
+    "schedule.last_position_duration_s=33",
+    "schedule.rotations=[[90,Y,50],[180,Y],[90,X]]",
+    "schedule.rotations=[[90,Y,40,11],[180,Y],[90,X]]",
 ]
 SAME = [
     ["cluster=processes"],
@@ -87,7 +91,7 @@ def test_every_setting_is_known_to_matter_or_not():
     keys -= {
         f"campaign.{key}" for key in ("batch", "store", "replace", "precision", "max_failed_share")
     }
-    keys -= {"estimator.initial_std"}
+    keys -= {"estimator.initial_std", "estimator.believed"}
     assert keys <= changed
     assert settings.keys() - groups.keys() == {
         "only_run",

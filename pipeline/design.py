@@ -1,0 +1,49 @@
+"""Stage `design`: searches for the best schedule for a unit, a table and a time.
+
+Usage: ``python -m pipeline.design [design.name=...] [design.total_time_s=...] [out=FILE.json]``
+
+Anneals turns and unequal dwells, and judges every path by its exact covariance. Writes the schedule
+to ``conf/schedule/<design.name>.yaml``, ready for use, and a page to results/design/<name>.md or
+beside FILE. Ctrl-C keeps the best so far; design.start_from goes on from a schedule.
+
+For example::
+
+    python -m pipeline.design design.name=mine
+    python -m pipeline.design design.objective=shortest design.joint_share=0.97 design.name=brisk
+    python -m pipeline.design design.total_time_s=2500 noise=quiet design.seconds=30
+
+Reads: schedule noise truth estimator design out site sensor bounds.
+"""
+
+from pathlib import Path
+
+from pipeline.config.schema import Config
+from pipeline.config.stage import stage
+from pipeline.console.errors import ConfigError
+from pipeline.console.output import write_json, write_text
+from pipeline.console.progress import note
+from pipeline.study.design import Search, content, page, schedule_text
+
+
+@stage
+def main(config: Config) -> None:
+    """Search, and write what was found."""
+    about = config.design
+    if config.out and Path(config.out).suffix != ".json":
+        raise ConfigError(f"out = {config.out!r}: must be a JSON file; the page goes beside it")
+    search = Search(config)
+    if about.objective == "shortest":
+        found = search.shortest(note)
+    else:
+        found = search.run(about.objective, about.seconds, about.total_time_s, note)
+    path = Path(config.out or f"results/design/{about.name}.json")
+    write_text(Path(about.folder) / f"{about.name}.yaml", schedule_text(config, found))
+    write_json(path, content(config, found))
+    write_text(path.with_suffix(".md"), page(config, search, found))
+    share, total = 100 * found.path.share, sum(found.path.durations)
+    print(f"{about.name}: {share:.2f} % of runs keep all bounds in {total:g} s (predicted)")
+    print(Path(about.folder) / f"{about.name}.yaml", path.with_suffix(".md"), sep="\n")
+
+
+if __name__ == "__main__":
+    main()
