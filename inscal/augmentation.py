@@ -20,11 +20,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from inscal.augmented_transitions import AugmentedTransitions
 from inscal.disturbance import Disturbance
 from inscal.parameters import Augmentation
 from inscal.path import Path
 from inscal.response import response
-from inscal.state_model import AugmentedTransitions, StateModel
+from inscal.state_model import StateModel
 from inscal.unit_effects import bias, effect
 from inscal.wander import discrete, terms_of
 

@@ -33,7 +33,15 @@ CACHE_LINE = 64
 """Bytes; also the width of the widest vector."""
 
 RUN_MODULES = (
-    *("augmentation", "calibrator", "closed_loop", "convergence", "directions", "disturbance"),
+    *(
+        "augmentation",
+        "augmented_transitions",
+        "calibrator",
+        "closed_loop",
+        "convergence",
+        "directions",
+        "disturbance",
+    ),
     *("disturbed", "earth", "estimator", "experiment", "kernel", "motion", "navigation"),
     *("parameters", "path", "profile", "record", "recursion", "response", "rotation", "schedule"),
     *("sensor", "simulation", "state_model", "statistics", "unit_effects", "units", "wander"),

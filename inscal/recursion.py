@@ -27,12 +27,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from inscal import parameters
+from inscal.augmented_transitions import AugmentedTransitions
 from inscal.kernel import compiled, inlined
 from inscal.record import OBSERVED
 from inscal.state_model import (
     NAVIGATION,
     OBSERVED_STATES,
-    AugmentedTransitions,
     NoiseModel,
     StateModel,
     Transitions,

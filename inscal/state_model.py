@@ -26,6 +26,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from inscal import earth, parameters
+from inscal.augmented_transitions import AugmentedTransitions
 from inscal.motion import Site, attitude_at, cut, update_count, update_of
 from inscal.record import OBSERVED
 from inscal.rotation import skew
@@ -134,43 +135,7 @@ class Transitions:
     noise: np.ndarray
     dynamics: np.ndarray
     interval: float
-    augmented: "AugmentedTransitions | None" = None
-
-
-@dataclass(frozen=True)
-class AugmentedTransitions:
-    """What augmented states do between updates.
-
-    Attributes
-    ----------
-    std : ndarray, shape (n,)
-        Standard deviations at the start, SI.
-    navigation : ndarray, shape (updates, 9, n)
-        Effect on the navigation states over each interval of what they are at its start.
-    decay : ndarray, shape (w,)
-        Transition of those that wander, the last, over an interval.
-    drive : ndarray, shape (w,)
-        Standard deviation of what is added to each meanwhile, by a unit normal u.
-    driven : ndarray, shape (w, 2)
-        What of u and of another unit normal acts on navigation within the interval, as a share of
-        the state's own effect there.
-    """
-
-    std: np.ndarray
-    navigation: np.ndarray
-    decay: np.ndarray
-    drive: np.ndarray
-    driven: np.ndarray
-
-    @property
-    def wandering(self) -> int:
-        """Number of states that wander; they are the last."""
-        return len(self.decay)
-
-    @property
-    def constants(self) -> int:
-        """Number of those that do not."""
-        return len(self.std) - len(self.decay)
+    augmented: AugmentedTransitions | None = None
 
 
 def navigation_dynamics(site: Site) -> np.ndarray:
