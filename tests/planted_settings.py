@@ -167,7 +167,9 @@ def negative_turns_positive_in_filter(patch):
 
 def half_turns_rounded(patch):
     def change(original, rotations):
-        return original((90.0 * np.sign(a) * np.ceil(abs(a) / 90.0), axis) for a, axis in rotations)
+        return original(
+            (90.0 * np.sign(a) * np.ceil(abs(a) / 90.0), *rest) for a, *rest in rotations
+        )
 
     _wrap(patch, schedule, "turns_of", change)
 

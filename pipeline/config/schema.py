@@ -291,6 +291,7 @@ class Design:
     chains : int
         Independent searches, the best of which is taken.
     seed : int
+        Of all its random draws.
     """
 
     name: str = MISSING

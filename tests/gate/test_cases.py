@@ -50,7 +50,7 @@ def test_cases_span_what_is_allowed(reference):
     assert {one["sensor.quadratic_unit"] for one in values} == {"pulse", "si"}
     assert {1, 2, 3} <= {one["estimator.passes"] for one in values}
     assert {len(one["estimator.states"]) for one in values} == {4, 5, 6, 24}
-    angles = [angle for one in values for angle, _ in one["schedule.rotations"]]
+    angles = [angle for one in values for angle, *_ in one["schedule.rotations"]]
     assert min(angles) == -360.0
     assert any(angle % 90.0 for angle in angles)
 
