@@ -63,24 +63,18 @@ def run_pass(
             state[i, j] = start[i, j]
     keep, judge = len(estimate_history) > 0, len(whitening) > 0
     squares = np.zeros(LANES)
-    if further is not None:
-        moved = np.empty((6, LANES))
+    moved = None if further is None else np.empty((6, LANES))
     for k in range(len(update_step) - 1):
         _fetch(gain, k + _AHEAD, _GAIN_BYTES)
         _fetch(observations, k + _AHEAD, _STEP_BYTES)
         for s in range(update_step[k], update_step[k + 1]):
             _fetch(sensors, s + _AHEAD, _STEP_BYTES)
-            if further is None:
-                if ramp_terms[s, 0] == 0.0:
-                    _navigate(state, sensors, s, duration[s], site)
-                else:
-                    _navigate_ramp(state, sensors, s, duration[s], site, ramp_terms)
-            else:
+            if further is not None:
                 _apparent(further[0], further[1], s, moved)
-                if ramp_terms[s, 0] == 0.0:
-                    _navigate_rid(state, sensors, s, duration[s], site, moved)
-                else:
-                    _navigate_ramp_rid(state, sensors, s, duration[s], site, ramp_terms, moved)
+            if ramp_terms[s, 0] == 0.0:
+                _navigate(state, sensors, s, duration[s], site, moved)
+            else:
+                _navigate_ramp(state, sensors, s, duration[s], site, ramp_terms, moved)
         if further is not None:
             _decay(further[0], further[2])
         _innovate(state, observations, k, metres, innovation)
@@ -113,20 +107,24 @@ def _fetch(array, row, row_bytes):
 
 
 @inlined
-def _navigate(state, sensors, s, dt, site):
+def _navigate(state, sensors, s, dt, site, moved):
     for j in range(LANES):
         angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
         velocity = (sensors[s, 3, j], sensors[s, 4, j], sensors[s, 5, j])
         angle, velocity = compensate(state, j, angle, velocity, dt)
+        if moved is not None:
+            angle, velocity = _rid(angle, velocity, moved, j)
         advance(state, NAV, j, angle, velocity, dt, site)
 
 
 @inlined
-def _navigate_ramp(state, sensors, s, dt, site, terms):
+def _navigate_ramp(state, sensors, s, dt, site, terms, moved):
     for j in range(LANES):
         angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
         velocity = (sensors[s, 3, j], sensors[s, 4, j], sensors[s, 5, j])
         angle, velocity = compensate_in_ramp(state, j, angle, velocity, dt, terms[s, 0])
+        if moved is not None:
+            angle, velocity = _rid(angle, velocity, moved, j)
         angle, velocity = straightened(state, NAV, j, angle, velocity, dt, site, terms, s)
         advance(state, NAV, j, angle, velocity, dt, site)
 
@@ -151,27 +149,6 @@ def _rid(angle, velocity, moved, j):
         (angle[0] - moved[0, j], angle[1] - moved[1, j], angle[2] - moved[2, j]),
         (velocity[0] - moved[3, j], velocity[1] - moved[4, j], velocity[2] - moved[5, j]),
     )
-
-
-@inlined
-def _navigate_rid(state, sensors, s, dt, site, moved):
-    for j in range(LANES):
-        angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
-        velocity = (sensors[s, 3, j], sensors[s, 4, j], sensors[s, 5, j])
-        angle, velocity = compensate(state, j, angle, velocity, dt)
-        angle, velocity = _rid(angle, velocity, moved, j)
-        advance(state, NAV, j, angle, velocity, dt, site)
-
-
-@inlined
-def _navigate_ramp_rid(state, sensors, s, dt, site, terms, moved):
-    for j in range(LANES):
-        angle = (sensors[s, 0, j], sensors[s, 1, j], sensors[s, 2, j])
-        velocity = (sensors[s, 3, j], sensors[s, 4, j], sensors[s, 5, j])
-        angle, velocity = compensate_in_ramp(state, j, angle, velocity, dt, terms[s, 0])
-        angle, velocity = _rid(angle, velocity, moved, j)
-        angle, velocity = straightened(state, NAV, j, angle, velocity, dt, site, terms, s)
-        advance(state, NAV, j, angle, velocity, dt, site)
 
 
 @inlined

@@ -6,6 +6,7 @@ table's. In a steady turn both integrals are closed forms, and in a ramp, where 
 linearly, a quadrature that is exact to rounding; no step size enters their accuracy.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from inscal import earth
 from inscal.rotation import mean_rotation_of_ramp, ramp_terms
-from inscal.schedule import Schedule, Segment, initial_attitude, segments
+from inscal.schedule import Schedule, Segment, segments
 
 MAX_LATITUDE = np.deg2rad(89.99)
 """Greatest latitude, rad. Estimates are right to 11 m from a pole and lost at 1 m."""
@@ -209,9 +210,40 @@ def cut_into_steps(
     ValueError
         If the schedule is not a whole number of update intervals long, or a turn does not fit.
     """
-    steps_of_update = np.zeros(update_count(schedule, update_interval), dtype=np.int64)
+    return steps_of(
+        segments(schedule),
+        update_count(schedule, update_interval),
+        update_interval=update_interval,
+        dwell_step=dwell_step,
+        turn_step=turn_step,
+    )
+
+
+def steps_of(
+    parts: Iterable[Segment],
+    updates: int,
+    *,
+    update_interval: float,
+    dwell_step: float,
+    turn_step: float,
+) -> Steps:
+    """Cut a stretch that begins with an update interval into steps, as `cut_into_steps` does.
+
+    Parameters
+    ----------
+    parts : iterable of Segment
+    updates : int
+        Of the stretch.
+    update_interval, dwell_step, turn_step : float
+        s.
+
+    Returns
+    -------
+    Steps
+    """
+    steps_of_update = np.zeros(updates, dtype=np.int64)
     durations, attitudes, rates, ramps, turns = [], [], [], [], []
-    for segment in segments(schedule):
+    for segment in parts:
         longest = turn_step if segment.is_turn else dwell_step
         edges = cut(segment, update_interval)
         length = np.diff(edges)
@@ -277,6 +309,11 @@ def build_motion(
     steps = cut_into_steps(
         schedule, update_interval=update_interval, dwell_step=dwell_step, turn_step=turn_step
     )
+    return motion_of(steps, site)
+
+
+def motion_of(steps: Steps, site: Site) -> Motion:
+    """True increments of a perfect sensor in some steps."""
     turned = steps.rate * steps.duration[:, None]
     return Motion(
         duration=steps.duration,
@@ -284,5 +321,5 @@ def build_motion(
         velocity=steps.to_body @ -earth.gravity_ned(site.latitude, site.height),
         ramp=steps.ramp,
         update_step=steps.update_step,
-        initial_attitude=initial_attitude(schedule.initial_posture),
+        initial_attitude=steps.attitude[0],
     )

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from inscal import earth
-from inscal.motion import Motion, Site, Steps, build_motion, cut_into_steps
+from inscal.motion import Motion, Site, Steps, cut_into_steps, motion_of
 from inscal.rotation import mean_rotation
 from inscal.schedule import Schedule
 
@@ -121,12 +121,10 @@ def path_of(
     ValueError
         If the schedule is not a whole number of update intervals long, or a turn does not fit.
     """
-    stepped = {
-        "update_interval": update_interval,
-        "dwell_step": dwell_step,
-        "turn_step": turn_step,
-    }
-    return Path(cut_into_steps(schedule, **stepped), build_motion(schedule, site, **stepped), site)
+    steps = cut_into_steps(
+        schedule, update_interval=update_interval, dwell_step=dwell_step, turn_step=turn_step
+    )
+    return Path(steps, motion_of(steps, site), site)
 
 
 def attitude_effect(path: Path, psi: np.ndarray, gained: np.ndarray) -> np.ndarray:

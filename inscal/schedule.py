@@ -190,6 +190,11 @@ def turn_vector(turn: Turn) -> np.ndarray:
     return vector
 
 
+def turned(attitude: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Body-to-NED matrix after a rotation by a vector in body axes, rad."""
+    return np.asarray(attitude @ Rotation.from_rotvec(vector).as_matrix())
+
+
 def attitudes(schedule: Schedule) -> np.ndarray:
     """Body-to-NED matrix of every dwell.
 
@@ -199,7 +204,7 @@ def attitudes(schedule: Schedule) -> np.ndarray:
     """
     out = [initial_attitude(schedule.initial_posture)]
     for turn in schedule.turns:
-        out.append(out[-1] @ Rotation.from_rotvec(turn_vector(turn)).as_matrix())
+        out.append(turned(out[-1], turn_vector(turn)))
     return np.array(out)
 
 
@@ -308,6 +313,5 @@ def turning(whole: Segment, axis: np.ndarray, profile: Profile) -> list[Segment]
 
 def _next(segment: Segment, end: float, rate: np.ndarray, acceleration: np.ndarray) -> Segment:
     """Segment of the same turn from the end of one on."""
-    turned = segment.turned_at(np.array([segment.end]))
-    attitude = segment.attitude @ Rotation.from_rotvec(turned[0]).as_matrix()
+    attitude = turned(segment.attitude, segment.turned_at(np.array([segment.end]))[0])
     return Segment(segment.end, end, attitude, rate, acceleration, segment.turn)

@@ -18,15 +18,13 @@ campaign.runs campaign.seed campaign.batch campaign.store campaign.replace campa
 growth out site simulation sensor bounds.
 """
 
-from pathlib import Path
-
 from pipeline.campaign.driver import simulate_campaign
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
-from pipeline.console.output import write_json, write_text
+from pipeline.console.output import write_found
 from pipeline.study.disturbances import content, page, plans
 
-_FILE = Path("results/disturbances.json")
+_FILE = "results/disturbances.json"
 
 
 @stage
@@ -36,10 +34,7 @@ def main(config: Config) -> None:
     for plan in planned:
         simulate_campaign(plan.config)
     found = content(config, planned)
-    path = _FILE if config.out is None else Path(config.out)
-    write_json(path, found)
-    write_text(path.with_suffix(".md"), page(found))
-    print(path.with_suffix(".md"))
+    write_found(config.out or _FILE, found, page(found))
 
 
 if __name__ == "__main__":

@@ -17,15 +17,13 @@ campaign.seed campaign.batch campaign.store campaign.replace campaign.max_failed
 simulation sensor bounds.
 """
 
-from pathlib import Path
-
 from pipeline.campaign.driver import simulate_campaign
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
-from pipeline.console.output import write_json, write_text
+from pipeline.console.output import write_found
 from pipeline.study.estimators import content, page, plans
 
-_FILE = Path("results/estimators.json")
+_FILE = "results/estimators.json"
 
 
 @stage
@@ -35,10 +33,7 @@ def main(config: Config) -> None:
     for plan in planned:
         simulate_campaign(plan.config)
     found = content(config, planned)
-    path = _FILE if config.out is None else Path(config.out)
-    write_json(path, found)
-    write_text(path.with_suffix(".md"), page(found))
-    print(path.with_suffix(".md"))
+    write_found(config.out or _FILE, found, page(found))
 
 
 if __name__ == "__main__":

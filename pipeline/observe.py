@@ -23,7 +23,7 @@ from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
 from pipeline.console.output import complain, write_text
-from pipeline.console.terminal import new_table, say, show
+from pipeline.console.terminal import new_table, say, show, show_rows
 from pipeline.study import unseen
 from pipeline.study.observability import (
     CONVENTIONS,
@@ -79,15 +79,13 @@ def main(config: Config) -> None:
     """Print ranks and sigmas of a path; write the sigmas where `out` says."""
     if config.out and Path(config.out).suffix != ".csv":
         raise ConfigError(f"out = {config.out!r}: must be a CSV file; the heat map goes beside it")
-    complain(Setup(config).warnings)
+    setup = Setup(config)
+    complain(setup.warnings)
     print_ranks(config)
-    found = observability_of(config)
+    found = observability_of(setup)
     print_sigmas(config, found)
-    if rows := unseen.rows(config):
-        table = new_table(unseen.HEADINGS[:1], unseen.HEADINGS[1:])
-        for row in rows:
-            table.add_row(*row)
-        show(unseen.TITLE, table)
+    if rows := unseen.rows(setup):
+        show_rows(unseen.TITLE, unseen.HEADINGS[:1], unseen.HEADINGS[1:], rows)
     if config.out:
         write_text(config.out, share_table(found))
         figure = sigma_heat_map(found.share, f"{config.schedule.name}, {config.noise.name} noise")

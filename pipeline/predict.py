@@ -21,7 +21,7 @@ from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
 from pipeline.console.output import complain, write_json
-from pipeline.console.terminal import new_table, show, show_augmented
+from pipeline.console.terminal import new_table, show, show_augmented, show_rows
 from pipeline.study import unseen
 
 
@@ -41,11 +41,8 @@ def main(config: Config) -> None:
         texts = [f"{sigma:.4g}" for sigma in own]
         rows = zip(setup.augmented_names, setup.augmented_units, texts, strict=True)
         show_augmented(("predicted_std",), rows)
-    if found := unseen.rows(config):
-        table = new_table(unseen.HEADINGS[:1], unseen.HEADINGS[1:])
-        for row in found:
-            table.add_row(*row)
-        show(unseen.TITLE, table)
+    if found := unseen.rows(setup):
+        show_rows(unseen.TITLE, unseen.HEADINGS[:1], unseen.HEADINGS[1:], found)
     if config.out:
         content = {"parameter": NAMES, "unit": UNITS, "predicted_std": std.tolist()}
         write_json(config.out, content, indent=2)

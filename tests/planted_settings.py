@@ -189,17 +189,16 @@ def ramps_taken_for_steady_turns(patch):
         made = original(*arguments, **options)
         return replace(made, ramp=np.zeros_like(made.ramp))
 
-    _wrap(patch, path, "build_motion", change)
+    _wrap(patch, path, "motion_of", change)
 
 
 def posture_north_east_down(patch):
-    for owner in (motion, schedule):
-        _wrap(
-            patch,
-            owner,
-            "initial_attitude",
-            lambda original, posture: original(("North", "East", "Down")),
-        )
+    _wrap(
+        patch,
+        schedule,
+        "initial_attitude",
+        lambda original, posture: original(("North", "East", "Down")),
+    )
 
 
 # random numbers

@@ -67,6 +67,14 @@ def write_json(path: str | Path, data: Any, *, indent: int = 1) -> None:
     write_text(path, json_text(data, indent=indent))
 
 
+def write_found(path: str | Path, data: Any, page: str) -> None:
+    """Write data as JSON, its page as Markdown beside it, and print where that is."""
+    beside = Path(path).with_suffix(".md")
+    write_json(path, data)
+    write_text(beside, page)
+    print(beside)
+
+
 _INFINITE = {"Infinity": math.inf, "-Infinity": -math.inf}
 
 

@@ -40,6 +40,16 @@ def show(title: str, table: Table) -> None:
     Console(width=max(WIDTH, needed)).print(table)  # rather too wide than with numbers cut off
 
 
+def show_rows(
+    title: str, left: Sequence[str], right: Sequence[str], rows: Iterable[Sequence[str]]
+) -> None:
+    """Print a table of texts under a title; headings as of `new_table`."""
+    table = new_table(tuple(left), tuple(right))
+    for row in rows:
+        table.add_row(*row)
+    show(title, table)
+
+
 def say(text: str, indent: str = "") -> None:
     """Print a paragraph on standard output, its second and later lines indented."""
     print(textwrap.fill(text, WIDTH, subsequent_indent=indent, break_long_words=False))
@@ -55,7 +65,5 @@ def show_augmented(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> No
     rows : iterable of sequence of str
         Name, unit, and a cell for each heading.
     """
-    table = new_table(("augmented state", "unit"), tuple(headings))
-    for row in rows:
-        table.add_row(*row)
-    show("augmented states that do not wander", table)
+    title = "augmented states that do not wander"
+    show_rows(title, ("augmented state", "unit"), headings, rows)

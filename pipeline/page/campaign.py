@@ -10,6 +10,7 @@ from inscal.parameters import KINDS, NAMES, members
 from inscal.statistics import nominal_coverage, normal_quantile
 from pipeline.charts import style
 from pipeline.config.schema import Config
+from pipeline.config.setup import Setup
 from pipeline.page import charts as page_charts
 from pipeline.page import data as page_data
 from pipeline.page.charts import Rows, Spec
@@ -192,7 +193,7 @@ def observability(config: Config, wing: Claims | None) -> Section:
         say("ranks", lasts=lasts, states=STATES, paper=ranks[-1] if ranks else None),
         {"ranks": page_charts.ranks(rows, series, STATES)},
     )
-    share = observe.observability_of(config).share
+    share = observe.observability_of(Setup(config)).share
     return Section("observability", pictures=(stairs, _share_picture(share)))
 
 

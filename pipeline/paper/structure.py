@@ -183,8 +183,8 @@ def structure_of(config: Config) -> Structure:
             "matlab",
         ),
         neighbours={n: Count(*rank_counts(*pair)) for n, pair in _neighbours(config).items()},
-        full=observability_of(config),
-        classic=observability_of(classic),
+        full=observability_of(Setup(config)),
+        classic=observability_of(Setup(classic)),
     )
 
 
@@ -203,7 +203,7 @@ def readings_of(config: Config) -> dict[tuple[str, str], Observability]:
     quiet = load(["noise=quiet"]).noise
     return {
         (unit, noise.name): observability_of(
-            replace(config, noise=noise, sensor=replace(config.sensor, quadratic_unit=unit))
+            Setup(replace(config, noise=noise, sensor=replace(config.sensor, quadratic_unit=unit)))
         )
         for unit in ("pulse", "si")
         for noise in (config.noise, quiet)

@@ -1,7 +1,7 @@
 """Disturbances one by one: campaigns with each alone, and what the error budget says of them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +11,13 @@ import xarray as xr
 from inscal.parameters import NAMES
 from inscal.statistics import nominal_coverage
 from pipeline.campaign import judged, store
-from pipeline.config.disturbance import IDLE, KEYS, size_of
-from pipeline.config.load import disturbances, resolved, undisturbed
+from pipeline.config.disturbance import size_of
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
-from pipeline.console.errors import ConfigError
 from pipeline.study import findings
 from pipeline.study.budget import Sheet, sheet
 from pipeline.study.honesty import nees_limits
+from pipeline.study.truths import disturbed_by, with_truth
 from pipeline.words import markdown as md
 from pipeline.words.render import render
 
@@ -72,30 +71,18 @@ def plans(config: Config) -> list[Plan]:
     ConfigError
         If there is no disturbance.
     """
-    keys = disturbances(resolved(config))
-    if not keys:
-        raise ConfigError(
-            f"disturbance = {config.disturbance.name}: has no disturbance; choose one that has, "
-            "such as disturbance=laboratory"
-        )
-    sizes = {key: getattr(config.disturbance, key) for key in keys}
+    sizes = disturbed_by(config)
     if config.growth is not None:
         alone = _alone(config, sizes)
-        sizes = {key: grown(alone[key], key, sizes[key], config.growth) for key in keys}
+        sizes = {key: grown(alone[key], key, size, config.growth) for key, size in sizes.items()}
     return [
-        Plan(NONE, None, _with(config, NONE, {})),
-        *(Plan(key, size, _with(config, key, {key: size})) for key, size in sizes.items()),
-        Plan(ALL, None, _with(config, ALL, sizes)),
+        Plan(NONE, None, with_truth(config, NONE, {}, NONE)),
+        *(
+            Plan(key, size, with_truth(config, key, {key: size}, key))
+            for key, size in sizes.items()
+        ),
+        Plan(ALL, None, with_truth(config, ALL, sizes, ALL)),
     ]
-
-
-def _with(config: Config, name: str, sizes: Mapping[str, Any]) -> Config:
-    about = {key: undisturbed()[key] for key in KEYS if key not in IDLE} | dict(sizes)
-    return replace(
-        config,
-        disturbance=replace(config.disturbance, name=name, **about),
-        campaign=replace(config.campaign, store=f"{config.campaign.store}/{name}"),
-    )
 
 
 def _alone(config: Config, sizes: Mapping[str, float]) -> dict[str, Sheet]:
@@ -106,7 +93,7 @@ def _alone(config: Config, sizes: Mapping[str, float]) -> dict[str, Sheet]:
     out: dict[str, Sheet] = {}
     for of_noise in (False, True):
         some = {k: size for k, size in sizes.items() if k.endswith(_FACTOR) == of_noise}
-        every = sheet(Setup(_with(config, ALL, some)))
+        every = sheet(Setup(with_truth(config, ALL, some, ALL)))
         out |= {key: every.alone(_source(key)) for key in some}
     return out
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -9,14 +10,14 @@ import numpy as np
 
 from inscal.parameters import AUGMENTATIONS, GROUPS, NAMES, UNITS
 from pipeline.campaign import judged
-from pipeline.config.disturbance import BELIEVED, KEYS, key_of
-from pipeline.config.load import disturbances, load, resolved, undisturbed, unknown
+from pipeline.config.disturbance import BELIEVED, key_of
+from pipeline.config.load import load, resolved, unknown
 from pipeline.config.schema import Config, Estimator
 from pipeline.config.setup import Setup
-from pipeline.console.errors import ConfigError
 from pipeline.console.output import json_data
 from pipeline.study import findings, honesty
 from pipeline.study.budget import sheet
+from pipeline.study.truths import disturbed_by, with_truth
 from pipeline.study.unseen import OBLIQUE
 from pipeline.words import markdown as md
 from pipeline.words.render import render
@@ -28,6 +29,8 @@ NAMED = (PAPER, "states43", "robust")
 """Choices of the group `estimator` that are compared."""
 APART = ("accel_cubic", "accel_asymmetry")
 """Groups that paths along the axes mix up with parameters, and turns of 45 degrees tell apart."""
+BOTH = "_and_".join(APART)
+"""What the filter that estimates them all is called."""
 _SHARED = (*("accel_k11", "accel_k22", "accel_k33"), *GROUPS["accel_quadratic"])
 NOTHING, OWN, LABORATORY = "none", "what it models", "all"
 """Kinds of truth: without disturbances, with those modelled, with those configured."""
@@ -68,47 +71,42 @@ def plans(config: Config) -> list[Plan]:
     ConfigError
         If there is no disturbance.
     """
-    if not disturbances(resolved(config)):
-        raise ConfigError(
-            f"disturbance = {config.disturbance.name}: has no disturbance; choose one that has, "
-            "such as disturbance=laboratory"
-        )
-    named = {name: load([f"estimator={name}"]).estimator for name in NAMED}
+    sizes = disturbed_by(config)
+    named = {name: _named(name) for name in NAMED}
     alone = {
         group: replace(named[PAPER], states=[*GROUPS, group], believed=named[PAPER].believed)
         for group in AUGMENTATIONS
     }
-    out = [_plan(config, group, OWN, about) for group, about in alone.items()]
+    out = [_plan(config, group, OWN, about, sizes) for group, about in alone.items()]
     for name, about in named.items():
         kinds = (NOTHING, OWN, LABORATORY) if name != PAPER else (NOTHING, LABORATORY)
-        out += [_plan(config, name, kind, about) for kind in kinds]
+        out += [_plan(config, name, kind, about, sizes) for kind in kinds]
     both = replace(named[PAPER], states=[*GROUPS, *APART])
     oblique = replace(config, schedule=load([f"schedule={OBLIQUE}"]).schedule)
-    for about in (config, oblique):
-        out.append(_plan(about, f"{'_and_'.join(APART)}-{about.schedule.name}", OWN, both))
+    for path in (config, oblique):
+        out.append(_plan(path, f"{BOTH}-{path.schedule.name}", OWN, both, sizes))
     return out
 
 
-def _plan(config: Config, name: str, truth: str, about: Estimator) -> Plan:
-    sizes = {key: undisturbed()[key] for key in KEYS}
-    if truth == LABORATORY:
-        sizes = {key: getattr(config.disturbance, key) for key in KEYS}
-    elif truth == OWN:
-        own = {AUGMENTATIONS[group].source for group in about.states if group in AUGMENTATIONS}
-        keys = {key_of(source) for source in own} | {f"{source}_time_s" for source in own}
-        keys |= {key for key in BELIEVED if key.endswith("_noise_factor")}
-        sizes |= {key: getattr(about.believed, key) for key in keys & set(BELIEVED)}
-    folder = f"{name}-{truth.replace(' ', '_')}"
-    return Plan(
-        name,
-        truth,
-        replace(
-            config,
-            estimator=about,
-            disturbance=replace(config.disturbance, name=truth.replace(" ", "_"), **sizes),
-            campaign=replace(config.campaign, store=f"{config.campaign.store}/{folder}"),
-        ),
-    )
+@cache
+def _named(name: str) -> Estimator:
+    return load([f"estimator={name}"]).estimator
+
+
+def _truth(about: Estimator, kind: str, every: Mapping[str, float]) -> dict[str, Any]:
+    """Sizes of the disturbances that a kind of truth has."""
+    if kind != OWN:
+        return dict(every) if kind == LABORATORY else {}
+    own = {AUGMENTATIONS[group].source for group in about.states if group in AUGMENTATIONS}
+    keys = {key_of(source) for source in own} | {f"{source}_time_s" for source in own}
+    keys |= {key for key in BELIEVED if key.endswith("_noise_factor")}
+    return {key: getattr(about.believed, key) for key in keys & set(BELIEVED)}
+
+
+def _plan(config: Config, name: str, kind: str, about: Estimator, sizes: Mapping) -> Plan:
+    called, truth = kind.replace(" ", "_"), _truth(about, kind, sizes)
+    made = with_truth(replace(config, estimator=about), called, truth, f"{name}-{called}")
+    return Plan(name, kind, made)
 
 
 def content(config: Config, planned: Sequence[Plan]) -> dict[str, Any]:
@@ -127,8 +125,7 @@ def content(config: Config, planned: Sequence[Plan]) -> dict[str, Any]:
     by_truth = {(plan.filter, plan.truth): plan for plan in planned}
     base = by_truth[PAPER, NOTHING].config.campaign.store
     runs = config.campaign.runs
-    rows = [_row(plan) for plan in planned if not plan.filter.startswith(APART[0] + "_and")]
-    separated = [_separated(plan) for plan in planned if plan.filter.startswith(APART[0] + "_and")]
+    separated = [plan for plan in planned if plan.filter.startswith(BOTH)]
     return {
         "schedule": config.schedule.name,
         "noise": config.noise.name,
@@ -137,8 +134,8 @@ def content(config: Config, planned: Sequence[Plan]) -> dict[str, Any]:
         "seed": config.campaign.seed,
         "nees_limits": honesty.nees_limits(runs, len(NAMES)),
         "ratio_limits": honesty.ratio_limits(runs, len(NAMES)),
-        "campaigns": rows,
-        "separated": separated,
+        "campaigns": [_row(plan) for plan in planned if plan not in separated],
+        "separated": [_separated(plan) for plan in separated],
         "price": {
             plan.filter: _price(plan.config.campaign.store, base)
             for plan in planned
@@ -176,15 +173,14 @@ def _row(plan: Plan) -> dict[str, Any]:
 
 def _nees_of_36(config: Config) -> float:
     """NEES that the paper's filter would have, by its budget."""
-    paper = load([f"estimator={PAPER}"]).estimator
-    return float(sheet(Setup(replace(config, estimator=paper))).budget.expected_nees)
+    paper = replace(config, estimator=_named(PAPER))
+    return float(sheet(Setup(paper)).budget.expected_nees)
 
 
 def _separated(plan: Plan) -> dict[str, Any]:
     """What becomes of parameters that others are mixed up with, on one path."""
     found = json_data(judged.as_json(judged.summary_of(plan.config, plan.config.campaign.store)))
-    alone = replace(plan.config, estimator=load([f"estimator={PAPER}"]).estimator)
-    setup = Setup(alone)
+    setup = Setup(replace(plan.config, estimator=_named(PAPER)))
     plain = dict(zip(NAMES, setup.gains.parameter_std[-1] / setup.unit, strict=True))
     return {
         "schedule": plan.config.schedule.name,

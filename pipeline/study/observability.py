@@ -71,23 +71,22 @@ def rank_counts(config: Config, convention: obs.Convention) -> tuple[obs.Ranks, 
     )
 
 
-def observability_of(config: Config) -> Observability:
+def observability_of(setup: Setup) -> Observability:
     """Run the covariance recursion over a path and see what it leaves unknown.
 
     Parameters
     ----------
-    config : Config
+    setup : Setup
 
     Returns
     -------
     Observability
     """
-    setup = Setup(config)
     gains, prior = setup.gains, setup.prior.parameter
     covariance = gains.covariance[: len(NAMES), : len(NAMES)]
     return Observability(
         share=obs.sigma_share(
-            gains.parameter_std, prior, setup.schedule, config.estimator.update_interval_s
+            gains.parameter_std, prior, setup.schedule, setup.config.estimator.update_interval_s
         ),
         final_std=gains.parameter_std[-1] / setup.unit,
         directions=obs.weakest_directions(covariance, prior, _DIRECTIONS),

@@ -39,9 +39,9 @@ def combinations(setup: Setup) -> list[tuple[tuple[str, ...], Unseen]]:
 
 def _constants(setup: Setup) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Names of the modelled constants, their places among all, and priors."""
-    about = setup.augmented
-    further = about.transitions.std[: about.transitions.constants] if about else np.zeros(0)
-    every = np.concatenate([setup.prior.parameter, setup.prior.attitude, further])
+    from inscal.estimator import initial_constants
+
+    every = initial_constants(setup.transitions, setup.prior)
     own = np.concatenate([setup.model.columns, np.arange(COUNT, len(every))])
     names = [*NAMES, *_ATTITUDE, *setup.augmented_names]
     return [names[place] for place in own], own, every[own]
@@ -52,12 +52,12 @@ HEADINGS = ("not told apart", "here", "oblique")
 """Of `rows`."""
 
 
-def rows(config: Config) -> list[tuple[str, str, str]]:
+def rows(setup: Setup) -> list[tuple[str, str, str]]:
     """What a path does not tell apart, and what would.
 
     Parameters
     ----------
-    config : Config
+    setup : Setup
 
     Returns
     -------
@@ -65,7 +65,7 @@ def rows(config: Config) -> list[tuple[str, str, str]]:
         A row for each combination; none where all is seen. The last says what the same errors
         leave on a path with turns of 45 degrees.
     """
-    found = combinations(Setup(config))
+    config, found = setup.config, combinations(setup)
     if not found:
         return []
     elsewhere = _traces_on(OBLIQUE, config, found) if config.schedule.name != OBLIQUE else {}

@@ -13,6 +13,7 @@ from inscal.parameters import INDEX, NAMES
 from inscal.schedule import attitudes, turn_vector
 from pipeline import observe
 from pipeline.config.load import load
+from pipeline.config.setup import Setup
 
 SITE = Site(np.deg2rad(39.98), 50.0)
 TURNING = {"gyro": "turning", "lever": "turning"}
@@ -188,13 +189,13 @@ def test_weakest_direction_is_the_one_left_at_its_prior():
 
 
 def test_path_without_y_up_is_told_by_its_weakest_directions():
-    course = observe.observability_of(load([NO_Y_UP]))
+    course = observe.observability_of(Setup(load([NO_Y_UP])))
     named = [{NAMES[i] for i, _ in d.weights} for d in course.directions if d.share > 0.1]
     assert any({"accel_k22", "accel_quadratic_y"} <= names for names in named)
 
 
 def test_normal_path_observes_all_but_ties_biases_to_quadratic_terms():
-    course = observe.observability_of(load([]))
+    course = observe.observability_of(Setup(load([])))
     assert course.directions[0].share < 0.01
     pairs = {(NAMES[i], NAMES[j]) for i, j, _ in course.tied}
     assert pairs == {(f"accel_bias_{a}", f"accel_quadratic_{a}") for a in "xyz"}
@@ -202,7 +203,7 @@ def test_normal_path_observes_all_but_ties_biases_to_quadratic_terms():
 
 
 def test_what_is_not_modelled_is_tied_to_nothing():
-    course = observe.observability_of(load(["estimator=states30"]))
+    course = observe.observability_of(Setup(load(["estimator=states30"])))
     quadratic = range(27)[INDEX["accel_quadratic"]]
     assert not {i for pair in course.tied for i in pair[:2]} & set(quadratic)
     assert not course.share[:, INDEX["accel_quadratic"]].any()
