@@ -15,22 +15,27 @@ observation of z of information J, and x = F z + noise of covariance Sigma: the 
 of its updates one by one.
 
 At rest the constants enter as three rates of attitude error and three of velocity error in NED,
-which are the same matrix of the parameters all along: so there is one block for every dwell of a
-length, whatever the posture. A turn's depends on the posture that it starts from.
+which are the same matrix of the constants all along: so there is one block for every dwell of a
+length, whatever the posture. A turn's depends on the posture that it starts from. Augmented states
+are constants like others, but for those that wander or depend on the time since the start: these
+have no block.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm
-from scipy.spatial.transform import Rotation
 
 from inscal import earth
-from inscal.motion import Site
+from inscal.augmentation import augment
+from inscal.disturbance import Disturbance
+from inscal.motion import Site, motion_of, steps_of
+from inscal.path import Path
 from inscal.profile import profile_of
 from inscal.recursion import observation_covariance
-from inscal.schedule import Segment, turning
+from inscal.schedule import Segment, turned, turning
 from inscal.state_model import (
     NAVIGATION,
     OBSERVED_STATES,
@@ -44,6 +49,22 @@ from inscal.state_model import (
 
 RATES = 6
 """Rates of attitude and velocity error that constants make at rest."""
+
+
+@dataclass(frozen=True)
+class Believed:
+    """What a filter believes of its augmented states.
+
+    Attributes
+    ----------
+    sizes : Disturbance
+    dwell_step, turn_step : float
+        In which their effect is taken, s.
+    """
+
+    sizes: Disturbance
+    dwell_step: float
+    turn_step: float
 
 
 @dataclass(frozen=True)
@@ -72,14 +93,31 @@ class Builder:
     ----------
     site : Site
     model : StateModel
-        Without augmented states.
     noise : NoiseModel
     update_interval : float
         s.
+    believed : Believed, optional
+        Needed for augmented states.
+
+    Raises
+    ------
+    ValueError
+        If the model has states that wander or drift.
     """
 
-    def __init__(self, site: Site, model: StateModel, noise: NoiseModel, update_interval: float):
+    def __init__(
+        self,
+        site: Site,
+        model: StateModel,
+        noise: NoiseModel,
+        update_interval: float,
+        believed: Believed | None = None,
+    ):
+        moving = [g for g, about in model.augmentations.items() if about.wanders or about.drifts]
+        if moving:
+            raise ValueError(f"{', '.join(moving)}: no block has them")
         self.site, self.model, self.interval = site, model, update_interval
+        self._believed = believed
         self._dynamics = navigation_dynamics(site)
         self._phi = expm(self._dynamics * update_interval)
         self._noise = noise_of(self._dynamics, noise, update_interval)
@@ -87,17 +125,47 @@ class Builder:
 
     def dwells(self, updates: int, wanted: Sequence[int]) -> dict[int, Block]:
         """Blocks of dwells of some numbers of updates, by these, up to `updates`."""
+        return self._run([self._of_rates] * updates, set(wanted))
+
+    @cached_property
+    def _of_rates(self) -> np.ndarray:
+        """What rates of error at rest do over an update interval, shape (9, 6)."""
         entering = np.zeros((NAVIGATION + RATES,) * 2)
         entering[:NAVIGATION, :NAVIGATION] = self._dynamics
         entering[range(RATES), range(NAVIGATION, NAVIGATION + RATES)] = 1.0
-        column = expm(entering * self.interval)[:NAVIGATION, NAVIGATION:]
-        return self._run([column] * updates, set(wanted))
+        return np.asarray(expm(entering * self.interval)[:NAVIGATION, NAVIGATION:])
+
+    @property
+    def initial(self) -> np.ndarray:
+        """Standard deviations of the augmented states at the start, shape (a,)."""
+        still = np.zeros(3)
+        return self._augmented([Segment(0.0, self.interval, np.eye(3), still, still, -1)], 1)[1]
+
+    def _augmented(self, parts: Sequence[Segment], updates: int) -> tuple[np.ndarray, np.ndarray]:
+        """What augmented states do over each update of a stretch, (updates, 9, a), and sigmas."""
+        if self._believed is None or not self.model.augmented:
+            return np.zeros((updates, NAVIGATION, 0)), np.zeros(0)
+        steps = steps_of(
+            parts,
+            updates,
+            update_interval=self.interval,
+            dwell_step=self._believed.dwell_step,
+            turn_step=self._believed.turn_step,
+        )
+        path = Path(steps, motion_of(steps, self.site), self.site)
+        made = augment(self.model, self._believed.sizes, path, self.interval)
+        assert made is not None
+        return made.transitions.navigation, made.transitions.std
 
     def rates(self, attitude: np.ndarray) -> np.ndarray:
-        """Rates of error that one of each parameter makes at rest, shape (6, n)."""
+        """Rates of error that one of each constant makes at rest, shape (6, n)."""
+        still = np.zeros(3)
+        rest = Segment(0.0, self.interval, attitude, still, still, -1)
+        further = np.linalg.lstsq(self._of_rates, self._augmented([rest], 1)[0][0])[0]
         rate = attitude.T @ earth.earth_rate_ned(self.site.latitude)
         force = attitude.T @ -earth.gravity_ned(self.site.latitude, self.site.height)
-        return parameter_dynamics(attitude, rate, force)[:RATES][:, self.model.columns]
+        own = parameter_dynamics(attitude, rate, force)[:RATES][:, self.model.columns]
+        return np.concatenate([own, further], axis=1)
 
     def turn(
         self, attitude: np.ndarray, vector: np.ndarray, rate: float, acceleration: float | None
@@ -129,7 +197,11 @@ class Builder:
         parts += turning(whole, vector / angle, profile)
         columns, index = columns_of(parts, self.site, self._dynamics, self.interval, updates)
         own = columns[index][:, :, self.model.columns]
-        return updates, self._run(list(own), {updates})[updates]
+        # effects need to know where a turn ends
+        rest = Segment(end, end + self.interval, turned(attitude, vector), still, still, -1)
+        further = self._augmented([*parts, rest], updates + 1)[0][:updates]
+        both = np.concatenate([own, further], axis=2)
+        return updates, self._run(list(both), {updates})[updates]
 
     def _run(self, columns: Sequence[np.ndarray], wanted: set[int]) -> dict[int, Block]:
         n = columns[0].shape[1]
@@ -163,8 +235,3 @@ class Builder:
 
 def _root(rows: Sequence[np.ndarray]) -> np.ndarray:
     return np.asarray(np.linalg.qr(np.concatenate(rows), mode="r"))
-
-
-def turned(attitude: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Attitude after a rotation in body axes."""
-    return np.asarray(attitude @ Rotation.from_rotvec(vector).as_matrix())

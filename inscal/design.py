@@ -1,8 +1,8 @@
-r"""Schedules judged by the thousand: the covariance of a path, block by block, and a search.
+r"""Schedules judged by the thousand: the covariance of a path, block by block.
 
 Postures are numbered, as are moves (turns about body axes). A path is a sequence of moves with the
 number of updates that the body rests before each. Its final covariance takes two blocks of
-`inscal.blocks` a position and no simulation; parameters are in units of their priors.
+`inscal.blocks` a position and no simulation; constants are in units of their priors.
 """
 
 from collections.abc import Sequence
@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inscal.blocks import RATES, Builder, turned
+from inscal.blocks import RATES, Builder
 from inscal.kernel import compiled, inlined
 from inscal.recursion import InitialStd
-from inscal.schedule import Turn, turn_vector
+from inscal.schedule import Turn, turn_vector, turned
 from inscal.state_model import NAVIGATION
 
 _DIGITS = 6
@@ -55,6 +55,14 @@ class Tables:
     rest_noise: np.ndarray
     initial: np.ndarray
 
+    @property
+    def blocks(self) -> tuple[np.ndarray, ...]:
+        """What `through` takes, from `after` on."""
+        return (
+            self.after, self.rates, self.turn_seen, self.turn_carried, self.turn_noise,
+            self.rest_seen, self.rest_carried, self.rest_noise, self.initial,
+        )  # fmt: skip
+
 
 def tables(
     builder: Builder,
@@ -88,7 +96,7 @@ def tables(
     Tables
     """
     attitudes, after = _postures(start, moves, most_postures)
-    unit = prior.parameter[builder.model.columns]
+    unit = np.concatenate([prior.parameter[builder.model.columns], builder.initial])
     n = NAVIGATION + len(unit)
     shape = len(attitudes), len(moves)
     seen, carried = np.zeros((*shape, n, n)), np.zeros((*shape, NAVIGATION, n))
@@ -138,7 +146,7 @@ def _postures(start: np.ndarray, moves: Sequence[Turn], most: int) -> tuple[np.n
 
 
 def covariance(about: Tables, moves: np.ndarray, rests: np.ndarray) -> np.ndarray:
-    """Covariance of the parameters at the end of a path.
+    """Covariance of the constants at the end of a path.
 
     Parameters
     ----------
@@ -154,10 +162,7 @@ def covariance(about: Tables, moves: np.ndarray, rests: np.ndarray) -> np.ndarra
     """
     n = about.rates.shape[2]
     out = np.empty((NAVIGATION + n,) * 2)
-    through(
-        moves, rests, about.after, about.rates, about.turn_seen, about.turn_carried,
-        about.turn_noise, about.rest_seen, about.rest_carried, about.rest_noise, about.initial, out,
-    )  # fmt: skip
+    through(moves, rests, *about.blocks, out)
     return out[NAVIGATION:, NAVIGATION:]
 
 

@@ -57,6 +57,11 @@ class Augmentation:
         """Whether the states move: Gauss-Markov biases beside the constant ones."""
         return self.source.endswith("_wander")
 
+    @property
+    def drifts(self) -> bool:
+        """Whether what a state does depends on the time since the start."""
+        return self.source.endswith("_drift")
+
 
 def _axial(name: str) -> Augmentation:
     return Augmentation(name, tuple(f"{name}_{a}" for a in _AXES))

@@ -31,7 +31,7 @@ class Problem:
     ----------
     about : Tables
     bound : ndarray, shape (n,)
-        Of the parameters, in units of their priors.
+        Of the parameters, the first constants, in units of their priors.
     objective : str
         One of `OBJECTIVES`.
     tick : int
@@ -163,16 +163,11 @@ def advance(
 
 
 def _arguments(problem: Problem) -> tuple:
-    about = problem.about
-    blocks = (
-        about.after, about.rates, about.turn_seen, about.turn_carried, about.turn_noise,
-        about.rest_seen, about.rest_carried, about.rest_noise, about.initial,
-    )  # fmt: skip
     rules = (
-        about.updates, problem.angles, problem.tick, problem.shortest, problem.last,
+        problem.about.updates, problem.angles, problem.tick, problem.shortest, problem.last,
         problem.cable + 1e-9, OBJECTIVES.index(problem.objective), problem.bound, GENERATORS,
     )  # fmt: skip
-    return blocks, rules
+    return problem.about.blocks, rules
 
 
 @compiled
@@ -192,10 +187,10 @@ def _energy(moves, durations, blocks, rules):
             return np.inf
     if rests.min() < shortest or (last >= 0 and posture != last) or rests.max() >= len(blocks[5]):
         return np.inf
-    n = len(bound)
-    p = np.empty((NAVIGATION + n, NAVIGATION + n))
+    n, constants = len(bound), blocks[1].shape[2]
+    p = np.empty((NAVIGATION + constants, NAVIGATION + constants))
     through(moves, rests, *blocks, p)
-    own = np.ascontiguousarray(p[NAVIGATION:, NAVIGATION:])
+    own = np.ascontiguousarray(p[NAVIGATION : NAVIGATION + n, NAVIGATION : NAVIGATION + n])
     if objective == 2:
         return 0.5 * np.linalg.slogdet(own)[1]
     largest = 0.0

@@ -1,14 +1,21 @@
 """Designed paths: blocks against the recursion, the share of a box against draws, the search."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import SITES, paper_schedule, paper_truth
 from scipy.stats import multivariate_normal
 
 from inscal import parameters
-from inscal.blocks import Builder
+from inscal.augmentation import augment
+from inscal.blocks import Believed, Builder
 from inscal.box import share_within
 from inscal.design import covariance, tables
+from inscal.disturbance import Disturbance
+from inscal.estimator import CONSTANTS, initial_constants
+from inscal.parameters import AUGMENTATIONS
+from inscal.path import path_of
 from inscal.recursion import InitialStd, compute_gains
 from inscal.schedule import Schedule, initial_attitude, turns_of
 from inscal.search import OBJECTIVES, Problem, advance, begin, energy_of
@@ -20,11 +27,20 @@ STD = InitialStd(np.deg2rad([0.1, 0.1, 0.5]), 0.01, 1.0, SIZE)
 POSTURE = ("North", "East", "Down")
 RATE = np.deg2rad(10.0)
 FULL = StateModel()
+SIZES_OF = {
+    **{"off_axis_lever_arm": 0.02, "table_offset": 0.02, "gyro_accel_delay": 1e-3},
+    **{"accel_cubic": 1e-7, "accel_asymmetry": 1e-5, "gyro_g_sensitivity": 1e-9, "gravity": 1e-6},
+    **{"gyro_asymmetry": 1e-6, "accel_cross_coupling": 1e-8, "latitude": 5e-6},
+}
+SIZES = Disturbance(**SIZES_OF)
+AUGMENTED = StateModel(
+    (*FULL.groups, *(name for name, about in AUGMENTATIONS.items() if about.source in SIZES_OF))
+)
 CLASSIC = StateModel(("gyro_bias", "accel_bias", "gyro_k", "accel_k"))
 
 
 def tables_of(site, model, angles=(90, -90, 180), acceleration=None, interval=1.0, most=24):
-    builder = Builder(site, model, NOISE, interval)
+    builder = Builder(site, model, NOISE, interval, Believed(SIZES, 1.0, 0.5))
     moves = turns_of([(angle, axis) for axis in "XYZ" for angle in angles])
     return tables(
         builder, STD, initial_attitude(POSTURE), moves, rate=RATE, acceleration=acceleration,
@@ -35,9 +51,13 @@ def tables_of(site, model, angles=(90, -90, 180), acceleration=None, interval=1.
 def by_recursion(site, model, rotations, acceleration, interval, last):
     schedule = Schedule(POSTURE, turns_of(rotations), 60.0, RATE, acceleration, last)
     transitions = build_transitions(schedule, site, model, NOISE, update_interval=interval)
+    path = path_of(schedule, site, update_interval=interval, dwell_step=1.0, turn_step=0.5)
+    if further := augment(model, SIZES, path, interval):
+        transitions = replace(transitions, augmented=further.transitions)
     full = compute_gains(transitions, model, NOISE, STD).covariance
-    unit = STD.parameter[model.columns]
-    return full[np.ix_(model.columns, model.columns)] / np.outer(unit, unit)
+    prior = initial_constants(transitions, STD)
+    own = np.concatenate([model.columns, np.arange(CONSTANTS, len(prior))])
+    return full[np.ix_(own, own)] / np.outer(prior[own], prior[own])
 
 
 @pytest.mark.parametrize(
@@ -47,6 +67,8 @@ def by_recursion(site, model, rotations, acceleration, interval, last):
         ("south", FULL, (90, 180), np.deg2rad(10.0), 1.0),
         ("laboratory", CLASSIC, (90, -90), None, 2.0),
         ("laboratory", FULL, (45, 90, -135), None, 1.0),
+        ("laboratory", AUGMENTED, (45, 90, -135), None, 1.0),
+        ("south", AUGMENTED, (90, -90), np.deg2rad(10.0), 1.0),
     ],
 )
 def test_blocks_are_the_recursion(place, model, angles, acceleration, interval):
