@@ -8,6 +8,7 @@ so what is found depends on the seed and the number of steps and not on how many
 """
 
 from dataclasses import dataclass, replace
+from itertools import chain as following
 
 import numpy as np
 
@@ -81,23 +82,40 @@ class Chain:
     best_energy: float
 
 
+def scaled(durations: np.ndarray, updates: int, tick: int) -> np.ndarray:
+    """Durations in proportion to some, in whole ticks, of a sum.
+
+    Parameters
+    ----------
+    durations : ndarray, shape (positions,)
+    updates : int
+        Their sum, a multiple of `tick`.
+    tick : int
+
+    Returns
+    -------
+    ndarray of int, shape (positions,)
+    """
+    ends = np.cumsum(durations) / np.sum(durations)
+    return np.diff(np.rint(ends * (updates // tick)).astype(int), prepend=0) * tick
+
+
 def begin(
     problem: Problem,
-    positions: int,
-    updates: int,
+    durations: np.ndarray,
     rng: np.random.Generator,
     moves: np.ndarray | None = None,
 ) -> Chain:
-    """Start a chain at random turns and equal times, or at some turns.
+    """Start a chain at random turns, or at some.
 
     Parameters
     ----------
     problem : Problem
-    positions, updates : int
-        Of the path.
+    durations : ndarray of int, shape (positions,)
+        Updates, turns included.
     rng : Generator
     moves : ndarray of int, optional
-        Turns to begin with.
+        Turns to begin with, if they are allowed in these times.
 
     Returns
     -------
@@ -108,16 +126,16 @@ def begin(
     ValueError
         If no path of random turns is allowed.
     """
-    ticks = np.full(positions, updates // problem.tick // positions)
-    ticks[: updates // problem.tick - ticks.sum()] += 1
-    durations = ticks * problem.tick
-    kinds = len(problem.about.moves)
-    for _ in range(_TRIES):
-        tried = rng.integers(kinds, size=positions - 1) if moves is None else moves
-        energy = energy_of(problem, tried, durations)
+    kinds, even = (
+        len(problem.about.moves),
+        scaled(np.ones(len(durations)), int(durations.sum()), problem.tick),
+    )
+    given = [] if moves is None else [(moves, durations), (moves, even)]
+    drawn = ((rng.integers(kinds, size=len(durations) - 1), even) for _ in range(_TRIES))
+    for tried, times in following(given, drawn):
+        energy = energy_of(problem, tried, times)
         if np.isfinite(energy):
-            return Chain(tried, durations, energy, tried, durations, energy)
-        moves = None
+            return Chain(tried, times, energy, tried, times, energy)
     raise ValueError("no path of these turns ends in time and where it is to end")
 
 

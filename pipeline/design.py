@@ -20,9 +20,10 @@ from pathlib import Path
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
-from pipeline.console.output import write_json, write_text
+from pipeline.console.output import write_found, write_text
 from pipeline.console.progress import note
-from pipeline.study.design import Search, content, page, schedule_text
+from pipeline.study.design import Search
+from pipeline.study.design_page import content, page, schedule_text
 
 
 @stage
@@ -32,17 +33,14 @@ def main(config: Config) -> None:
     if config.out and Path(config.out).suffix != ".json":
         raise ConfigError(f"out = {config.out!r}: must be a JSON file; the page goes beside it")
     search = Search(config)
-    if about.objective == "shortest":
-        found = search.shortest(note)
-    else:
-        found = search.run(about.objective, about.seconds, about.total_time_s, note)
-    path = Path(config.out or f"results/design/{about.name}.json")
-    write_text(Path(about.folder) / f"{about.name}.yaml", schedule_text(config, found))
-    write_json(path, content(config, found))
-    write_text(path.with_suffix(".md"), page(config, search, found))
-    share, total = 100 * found.path.share, sum(found.path.durations)
+    found = search.best(note)
+    file = Path(about.folder) / f"{about.name}.yaml"
+    into = config.out or f"results/design/{about.name}.json"
+    share, total = 100 * found.path.share, found.path.total
+    write_text(file, schedule_text(config, found))
+    write_found(into, content(config, found), page(config, search, found))
     print(f"{about.name}: {share:.2f} % of runs keep all bounds in {total:g} s (predicted)")
-    print(Path(about.folder) / f"{about.name}.yaml", path.with_suffix(".md"), sep="\n")
+    print(file)
 
 
 if __name__ == "__main__":

@@ -252,10 +252,11 @@ def _check_schedule(config: Config) -> None:
             f"{_MAX_ANGLE_STEP_DEG:g} deg at schedule.turn_rate_deg_per_s",
         )
     for key in ("position_duration_s", "last_position_duration_s"):
-        _check_duration(f"schedule.{key}", getattr(schedule, key), config)
+        check_duration(f"schedule.{key}", getattr(schedule, key), config)
 
 
-def _check_duration(key: str, value: float | None, config: Config) -> None:
+def check_duration(key: str, value: float | None, config: Config) -> None:
+    """Refuse a time that is no multiple of the filter's updates; ConfigError names its key."""
     interval = config.estimator.update_interval_s
     if value is not None and not _is_count(value / interval):
         _fail(key, value, f"a multiple of estimator.update_interval_s, which is {interval!r}")
@@ -283,7 +284,7 @@ def _check_rotation(key: str, rotation: object, config: Config) -> None:
     about = config.schedule
     seconds, rate, *_ = [*rest, None, None]
     position = about.position_duration_s if seconds is None else seconds
-    _check_duration(f"{key}: position of", seconds, config)
+    check_duration(f"{key}: position of", seconds, config)
     duration = profile_of(
         abs(angle), rate or about.turn_rate_deg_per_s, about.turn_acceleration_deg_per_s2
     ).duration

@@ -121,7 +121,7 @@ def test_a_search_is_better_than_where_it_began_and_repeats(objective):
     ended = []
     for _ in range(2):
         rng = np.random.default_rng(5)
-        chain = begin(problem, 8, 480, rng)
+        chain = begin(problem, np.full(8, 60), rng)
         start = chain.energy
         for part in range(2):
             chain = advance(problem, chain, rng, 150, part / 2, (part + 1) / 2)
@@ -136,7 +136,7 @@ def test_a_search_is_better_than_where_it_began_and_repeats(objective):
 def test_rules_are_kept():
     problem = problem_of("worst", last=0, cable=np.pi * 1.01)
     rng = np.random.default_rng(2)
-    chain = advance(problem, begin(problem, 6, 360, rng), rng, 400, 0.0, 1.0)
+    chain = advance(problem, begin(problem, np.full(6, 60), rng), rng, 400, 0.0, 1.0)
     turns = [problem.about.moves[m] for m in chain.best_moves]
     for axis in range(3):
         wound = np.cumsum([turn.angle * (turn.axis == axis) for turn in turns])
@@ -148,7 +148,7 @@ def test_rules_are_kept():
     rests = chain.best_durations - np.append(problem.about.updates[chain.best_moves], 0)
     assert rests.min() >= 4
     with pytest.raises(ValueError, match="no path of these turns"):
-        begin(problem_of("worst", cable=0.1), 6, 360, rng)
+        begin(problem_of("worst", cable=0.1), np.full(6, 60), rng)
 
 
 def test_the_paper_s_path_is_known():
