@@ -194,7 +194,7 @@ class Search:
         n = len(self.own)
         return self._promise(moves, durations, found[:n, :n])
 
-    def _exactly(self, moves: np.ndarray, durations: np.ndarray) -> Promise:
+    def exactly(self, moves: np.ndarray, durations: np.ndarray) -> Promise:
         """A path with what it promises, by the recursion of all states."""
         promise = self.judge(moves, durations)
         if not self.left_out:
@@ -227,13 +227,22 @@ class Search:
     def _rests(self, moves: np.ndarray, durations: np.ndarray) -> np.ndarray:
         return np.asarray(durations - np.append(self.tables.updates[moves], 0))
 
-    def numbers_of(self, name: str) -> tuple[np.ndarray, np.ndarray] | None:
-        """Moves and durations, in updates, of a schedule; None where it has other moves."""
+    def known(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Moves and durations, in updates, of a schedule.
+
+        Raises
+        ------
+        ConfigError
+            If the search does not know its turns.
+        """
         other = Setup(replace(self.config, schedule=load([f"schedule={name}"]).schedule)).schedule
         known = {(m.axis, round(m.angle, 6)): n for n, m in enumerate(self.tables.moves)}
         moves = [known.get((turn.axis, round(turn.angle, 6))) for turn in other.turns]
         if None in moves:
-            return None
+            raise ConfigError(
+                f"design.angles_deg = {self.config.design.angles_deg}: must hold the turns of "
+                f"schedule {name}, about design.axes"
+            )
         return np.array(moves), np.rint(other.durations / self.interval).astype(int)
 
     def run(
@@ -290,7 +299,7 @@ class Search:
                     tell(f"{100 * part[1]:.0f} %: {100 * share:.2f} % of runs keep all bounds")
         except KeyboardInterrupt:
             tell("interrupted: the best so far is kept")
-        path = self._exactly(*_best(chains))
+        path = self.exactly(*_best(chains))
         return Found(
             path,
             course,
@@ -331,14 +340,12 @@ class Search:
             `design.objective` asks for.
         """
         about = self.config.design
-        given = None
-        if about.start_from:
-            given = self.numbers_of(about.start_from)
-            if given is None or len(given[1]) != about.positions:
-                raise ConfigError(
-                    f"design.start_from = {about.start_from}: must have design.positions, which "
-                    f"is {about.positions}, and turn by design.angles_deg about design.axes alone"
-                )
+        given = self.known(about.start_from) if about.start_from else None
+        if given and len(given[1]) != about.positions:
+            raise ConfigError(
+                f"design.start_from = {about.start_from}: must have design.positions, which is "
+                f"{about.positions}; it has {len(given[1])}"
+            )
         if about.objective == "shortest":
             return self._shortest(tell, given)
         return self.run(about.objective, about.seconds, about.total_time_s, tell, given)

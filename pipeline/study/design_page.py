@@ -8,6 +8,7 @@ import numpy as np
 from inscal import units
 from inscal.parameters import NAMES, UNITS
 from pipeline.config.schema import Config
+from pipeline.console.errors import ConfigError
 from pipeline.study.design import Found, Promise, Search
 from pipeline.words import markdown as md
 from pipeline.words.render import render
@@ -32,6 +33,7 @@ def schedule_text(config: Config, found: Found) -> str:
         posture=list(config.schedule.initial_posture),
         rotations=_rotations(found.path),
         seed=config.design.seed,
+        start_from=config.design.start_from,
         steps=found.steps,
     )
 
@@ -53,8 +55,7 @@ def page(config: Config, search: Search, found: Found) -> str:
     -------
     str
     """
-    numbers = search.numbers_of(PAPER)
-    paper = search.judge(*numbers) if numbers else None
+    paper = _paper(search)
     durations = found.path.durations
     angles = ["", *(f"{t.angle / units.DEGREE:g} about {'xyz'[t.axis]}" for t in found.path.turns)]
     return render(
@@ -87,6 +88,14 @@ def page(config: Config, search: Search, found: Found) -> str:
         ],
         course=[(f"{100 * part:.0f} %", f"{100 * share:.3f} %") for part, share in found.course],
     )  # fmt: skip
+
+
+def _paper(search: Search) -> Promise | None:
+    """The paper's path as the search judges it, if it knows its turns."""
+    try:
+        return search.exactly(*search.known(PAPER))
+    except ConfigError:
+        return None
 
 
 def _points(value: float) -> str:
