@@ -26,6 +26,7 @@ _SLICES = 20
 _POSTURES = 96  # all that turns of 90 degrees and one of 45 lead to
 _LESS = 60.0  # s, by which a dwell is cut to see what it earns
 _BISECTIONS = 6
+_COOLED = 0.6  # of the cooling that a search does without which goes on from a path
 _STATES = 36  # that `design.steps_per_second` is of; time grows as their square
 
 
@@ -189,8 +190,20 @@ class Search:
         )
 
     def judge(self, moves: np.ndarray, durations: np.ndarray) -> Promise:
-        """A path with what it promises, without states that are left out."""
-        found = covariance(self.tables, moves, self._rests(moves, durations))
+        """A path with what it promises, without states that are left out.
+
+        Raises
+        ------
+        ConfigError
+            If a turn does not fit into its position, or a position is longer than the search knows.
+        """
+        rests, longest = self._rests(moves, durations), len(self.tables.rest_seen) - 1
+        if not 0 <= rests.min() <= rests.max() <= longest:
+            raise ConfigError(
+                f"design.longest_position_s = {self.config.design.longest_position_s:g}: a path "
+                f"has dwells of {rests.min() * self.interval:g} to {rests.max() * self.interval:g} s"
+            )
+        found = covariance(self.tables, moves, rests)
         n = len(self.own)
         return self._promise(moves, durations, found[:n, :n])
 
@@ -285,18 +298,20 @@ class Search:
         speed = about.steps_per_second * (_STATES / states) ** 2
         steps = max(1, int(seconds * speed / about.chains / _SLICES))
         course: list[tuple[float, float]] = []
+        cooled = 0.0 if given is None else _COOLED
         try:
             with ThreadPoolExecutor(min(about.chains, os.cpu_count() or 1)) as pool:
                 for k in range(_SLICES):
-                    part = k / _SLICES, (k + 1) / _SLICES
+                    done = k / _SLICES, (k + 1) / _SLICES
+                    part = [cooled + (1.0 - cooled) * share for share in done]
                     going = [
                         pool.submit(advance, problem, chain, rng, steps, *part)
                         for chain, rng in zip(chains, streams, strict=True)
                     ]
                     chains = [one.result() for one in going]
                     share = self.judge(*_best(chains)).share
-                    course.append((part[1], share))
-                    tell(f"{100 * part[1]:.0f} %: {100 * share:.2f} % of runs keep all bounds")
+                    course.append((done[1], share))
+                    tell(f"{100 * done[1]:.0f} %: {100 * share:.2f} % of runs keep all bounds")
         except KeyboardInterrupt:
             tell("interrupted: the best so far is kept")
         path = self.exactly(*_best(chains))

@@ -1,15 +1,15 @@
 """Time against share of runs that keep all bounds: inherited paths, and designed ones."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from inscal.search import scaled
 from pipeline.config.load import load, position_durations
 from pipeline.config.schema import Config
-from pipeline.console.output import json_data
 from pipeline.study.design import Promise, Search
+from pipeline.study.findings import read_summary
 from pipeline.study.names import study
 from pipeline.words import markdown as md
 from pipeline.words.render import render
@@ -77,7 +77,7 @@ def _point(config: Config, path: str, promise: Promise) -> dict[str, Any]:
 def _marked(name: str) -> dict[str, Any]:
     """What a campaign has found, beside what is predicted."""
     row = study()["campaigns"][name]
-    found = json_data((Path("results/summary") / f"{name}.json").read_text())
+    found = read_summary(name)
     schedule = load([f"schedule={row['schedule']}"]).schedule
     inherited = study()["frontier"]["inherited"]
     return {
@@ -85,7 +85,7 @@ def _marked(name: str) -> dict[str, Any]:
         "schedule": row["schedule"],
         "noise": row["noise"],
         "path": next((one for one in inherited if row["schedule"].startswith(one)), DESIGNED),
-        "total_time_s": sum(position_durations(schedule)),
+        "total_time_s": sum(position_durations(asdict(schedule))),
         **{key: found[key] for key in _KEYS},
     }
 
