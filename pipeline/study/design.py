@@ -198,10 +198,11 @@ class Search:
             If a turn does not fit into its position, or a position is longer than the search knows.
         """
         rests, longest = self._rests(moves, durations), len(self.tables.rest_seen) - 1
-        if not 0 <= rests.min() <= rests.max() <= longest:
+        low, high = rests.min() * self.interval, rests.max() * self.interval
+        if low < 0 or rests.max() > longest:
             raise ConfigError(
                 f"design.longest_position_s = {self.config.design.longest_position_s:g}: a path "
-                f"has dwells of {rests.min() * self.interval:g} to {rests.max() * self.interval:g} s"
+                f"has dwells of {low:g} to {high:g} s"
             )
         found = covariance(self.tables, moves, rests)
         n = len(self.own)
