@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from inscal.blocks import Believed, Builder
 from inscal.box import share_within
 from inscal.design import covariance, tables
 from inscal.parameters import NAMES
-from inscal.schedule import Turn, initial_attitude, turns_of
+from inscal.schedule import initial_attitude, turns_of
 from inscal.search import Chain, Problem, advance, begin, scaled
 from inscal.state_model import NAVIGATION, StateModel
 from inscal.statistics import nominal_coverage
@@ -21,6 +21,7 @@ from pipeline.config.rules import check_duration
 from pipeline.config.schema import Config, Schedule
 from pipeline.config.setup import Setup
 from pipeline.console.errors import ConfigError
+from pipeline.study.promise import Found, Promise
 
 _SLICES = 20
 _POSTURES = 96  # all that turns of 90 degrees and one of 45 lead to
@@ -28,73 +29,6 @@ _LESS = 60.0  # s, by which a dwell is cut to see what it earns
 _BISECTIONS = 6
 _COOLED = 0.6  # of the cooling that a search does without which goes on from a path
 _STATES = 36  # that `design.steps_per_second` is of; time grows as their square
-
-
-@dataclass(frozen=True)
-class Promise:
-    """A path with what it promises.
-
-    Attributes
-    ----------
-    turns : list of Turn
-    durations : list of float
-        Of positions, s.
-    share : float
-        Of runs that keep all bounds, predicted from the full covariance.
-    sigma_over_bound : ndarray, shape (27,)
-        NaN where not modelled.
-    """
-
-    turns: list[Turn]
-    durations: list[float]
-    share: float
-    sigma_over_bound: np.ndarray
-
-    @property
-    def total(self) -> float:
-        """Duration of the path, s."""
-        return sum(self.durations)
-
-    @property
-    def worst(self) -> float:
-        """Largest sigma over bound."""
-        return float(np.nanmax(self.sigma_over_bound))
-
-    @property
-    def rotations(self) -> list[tuple[float, str, float]]:
-        """Turns as schedules have them: degrees, axis, seconds of the position that it ends."""
-        return [
-            (round(turn.angle / units.DEGREE, 6), "XYZ"[turn.axis], duration)
-            for turn, duration in zip(self.turns, self.durations[:-1], strict=True)
-        ]
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a search has found.
-
-    Attributes
-    ----------
-    path : Promise
-        By the recursion of all states.
-    course : list of (float, float)
-        Share of the search done, and the best share of runs by then.
-    steps : int
-        Paths judged.
-    earned : list of float
-        Share of runs that each position loses if it is cut by a minute; NaN if it cannot be.
-    limit : float
-        Share that no path can exceed in that time.
-    left_out : list of str
-        State groups that the search did without.
-    """
-
-    path: Promise
-    course: list[tuple[float, float]]
-    steps: int
-    earned: list[float]
-    limit: float
-    left_out: list[str]
 
 
 class Search:

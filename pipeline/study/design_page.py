@@ -1,20 +1,24 @@
 """Schedule file, page and data of what a search for a schedule has found."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from inscal import units
 from inscal.parameters import NAMES, UNITS
+from inscal.schedule import attitudes
 from pipeline.config.schema import Config
+from pipeline.config.setup import Setup
 from pipeline.console.errors import ConfigError
-from pipeline.study.design import Found, Promise, Search
+from pipeline.study.design import Search
+from pipeline.study.promise import Found, Promise
 from pipeline.words import markdown as md
 from pipeline.words.render import render
 
 PAPER = "position25"
 """Schedule that a designed one is held against."""
+_LETTERS = ("NS", "EW", "DU")
 _TEMPLATES = Path(__file__).parent / "templates"
 
 
@@ -57,7 +61,8 @@ def page(config: Config, search: Search, found: Found) -> str:
     """
     paper = _paper(search)
     durations = found.path.durations
-    angles = ["", *(f"{t.angle / units.DEGREE:g} about {'xyz'[t.axis]}" for t in found.path.turns)]
+    turns = [f"{angle:g} about {axis.lower()}" for angle, axis, _ in found.path.rotations]
+    postures = _postures(search, found.path)
     return render(
         _TEMPLATES,
         "design.md.jinja",
@@ -75,9 +80,9 @@ def page(config: Config, search: Search, found: Found) -> str:
         paper_share=paper.share if paper else None,
         paper_total=paper.total if paper else None,
         places=[
-            (str(k + 1), f"{time:g}", turn, _points(earned))
-            for k, (time, turn, earned) in enumerate(
-                zip(durations, [*angles[1:], ""], found.earned, strict=True)
+            (str(k + 1), posture, f"{time:g}", turn, _points(earned))
+            for k, (posture, time, turn, earned) in enumerate(
+                zip(postures, durations, [*turns, ""], found.earned, strict=True)
             )
         ],
         left_out=found.left_out,
@@ -96,6 +101,18 @@ def _paper(search: Search) -> Promise | None:
         return search.exactly(*search.known(PAPER))
     except ConfigError:
         return None
+
+
+def _postures(search: Search, path: Promise) -> list[str]:
+    """Where the body axes point in every position, such as "N E D"; "NE" is halfway."""
+    setup = Setup(replace(search.config, schedule=search.schedule_of(path)))
+    return [
+        " ".join(
+            "".join(_LETTERS[row][int(axis[row] < 0.0)] for row in range(3) if abs(axis[row]) > 0.1)
+            for axis in attitude.T
+        )
+        for attitude in attitudes(setup.schedule)
+    ]
 
 
 def _points(value: float) -> str:

@@ -8,9 +8,10 @@ from typing import Any
 from inscal.search import scaled
 from pipeline.config.load import load, position_durations
 from pipeline.config.schema import Config
-from pipeline.study.design import Promise, Search
+from pipeline.study.design import Search
 from pipeline.study.findings import read_summary
 from pipeline.study.names import study
+from pipeline.study.promise import Promise
 from pipeline.words import markdown as md
 from pipeline.words.render import render
 
