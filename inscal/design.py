@@ -167,6 +167,20 @@ def covariance(about: Tables, moves: np.ndarray, rests: np.ndarray) -> np.ndarra
 
 
 @compiled
+def considered(own, states, others):
+    """Covariances of states, as a filter claims and as it is, that knows nothing of others.
+
+    Both are constants of known prior, whose joint covariance `own` has their priors as units. Its
+    inverse is the information J; without the others the filter claims A = J_ss^-1, and one unit of
+    them moves its estimates by -A J_so (Schmidt's consider covariance): A + A J_so J_os A.
+    """
+    information = np.linalg.inv(own)
+    claimed = np.linalg.inv(np.ascontiguousarray(information[states][:, states]))
+    moved = claimed @ np.ascontiguousarray(information[states][:, others])
+    return claimed, claimed + moved @ moved.T
+
+
+@compiled
 def through(
     moves, rests, after, rates, turn_seen, turn_carried, turn_noise,
     rest_seen, rest_carried, rest_noise, initial, p,

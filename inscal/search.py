@@ -13,7 +13,7 @@ from itertools import chain as following
 import numpy as np
 
 from inscal.box import GENERATORS, box_share
-from inscal.design import Tables, through
+from inscal.design import Tables, considered, through
 from inscal.kernel import compiled
 from inscal.state_model import NAVIGATION
 
@@ -43,6 +43,9 @@ class Problem:
         Number of the last posture; -1: any.
     cable : float
         Largest sum of turns about an axis either way, rad; infinite: any.
+    others : tuple of int
+        Places of constants that the filter knows nothing of. A path is then judged by the mean of
+        the objective without and with them.
     """
 
     about: Tables
@@ -52,6 +55,7 @@ class Problem:
     shortest: int
     last: int = -1
     cable: float = np.inf
+    others: tuple[int, ...] = ()
 
     @property
     def angles(self) -> np.ndarray:
@@ -184,8 +188,15 @@ def _arguments(problem: Problem) -> tuple:
     rules = (
         problem.about.updates, problem.angles, problem.tick, problem.shortest, problem.last,
         problem.cable + 1e-9, OBJECTIVES.index(problem.objective), problem.bound, GENERATORS,
+        *_places(problem),
     )  # fmt: skip
     return problem.about.blocks, rules
+
+
+def _places(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    """Constants that the filter knows, and others."""
+    others = np.array(problem.others, dtype=int)
+    return np.setdiff1d(np.arange(problem.about.rates.shape[2]), others), others
 
 
 @compiled
@@ -205,10 +216,23 @@ def _energy(moves, durations, blocks, rules):
             return np.inf
     if rests.min() < shortest or (last >= 0 and posture != last) or rests.max() >= len(blocks[5]):
         return np.inf
-    n, constants = len(bound), blocks[1].shape[2]
+    constants = blocks[1].shape[2]
     p = np.empty((NAVIGATION + constants, NAVIGATION + constants))
     through(moves, rests, *blocks, p)
-    own = np.ascontiguousarray(p[NAVIGATION : NAVIGATION + n, NAVIGATION : NAVIGATION + n])
+    own = np.ascontiguousarray(p[NAVIGATION:, NAVIGATION:])
+    states, others = rules[9], rules[10]
+    if len(others) == 0:
+        return _worth(own, bound, objective, rules[8])
+    claimed, true = considered(own, states, others)
+    both = _worth(claimed, bound, objective, rules[8]) + _worth(true, bound, objective, rules[8])
+    return 0.5 * both
+
+
+@compiled
+def _worth(covariance, bound, objective, generators):
+    """Energy of a covariance, the less, the better."""
+    n = len(bound)
+    own = np.ascontiguousarray(covariance[:n, :n])
     if objective == 2:
         return 0.5 * np.linalg.slogdet(own)[1]
     largest = 0.0
@@ -216,7 +240,7 @@ def _energy(moves, durations, blocks, rules):
         largest = max(largest, np.sqrt(own[i, i]) / bound[i])
     if objective == 1:
         return np.log(largest)
-    share = box_share(own, bound, _POINTS, rules[8])
+    share = box_share(own, bound, _POINTS, generators)
     if share < 1e-6:
         return 14.0 + largest  # so far off that any better bound helps
     return np.log(max(1.0 - share, 1e-12)) - np.log(share)

@@ -12,7 +12,7 @@ For example::
     python -m pipeline.design design.objective=shortest design.joint_share=0.97 design.name=brisk
     python -m pipeline.design design.total_time_s=2500 noise=quiet design.seconds=30
 
-Reads: schedule noise truth estimator design out site sensor bounds.
+Reads: schedule noise disturbance truth estimator design out site sensor bounds.
 """
 
 from pathlib import Path

@@ -9,10 +9,13 @@ import yaml
 from campaigns import run_stage
 
 from inscal.box import share_within
+from inscal.design import considered, covariance
 from pipeline import design
 from pipeline.config.load import load
 from pipeline.config.schema import Schedule
 from pipeline.config.setup import Setup
+from pipeline.study.budget import sheet
+from pipeline.study.design import Search
 
 FEW = (
     *("design.positions=7", "design.total_time_s=420", "design.longest_position_s=200"),
@@ -57,6 +60,42 @@ def test_a_schedule_keeps_what_its_search_promises(tmp_path, overrides):
     page = (tmp_path / "found.md").read_text()
     assert f"{100 * found['joint_share']:.2f} % of runs" in page
     assert ("did without" in page) == bool(own)
+
+
+def test_what_a_filter_does_not_know_moves_it_as_the_budget_says():
+    """Consider covariance from joint blocks, and sensitivities of the recursion of the filter."""
+    config = load(["disturbance.accel_cubic_ug_per_g3=1", "disturbance.off_axis_lever_arm_mm=2"])
+    search = Search(config)
+    moves, durations = search.known("position25")
+    joint = covariance(search.tables, moves, durations - np.append(search.tables.updates[moves], 0))
+    states = np.arange(27)
+    claimed, true = considered(np.ascontiguousarray(joint), states, np.arange(27, len(joint)))
+    made, unit = sheet(search.setup), search.setup.prior.parameter / search.setup.unit
+    np.testing.assert_allclose(np.sqrt(np.diag(claimed)) * unit, made.formal_std, rtol=1e-6)
+    np.testing.assert_allclose(np.sqrt(np.diag(true)) * unit, made.true_std, rtol=1e-5)
+    assert search.judge(moves, durations).disturbed < search.judge(moves, durations).share
+
+
+def test_a_search_for_a_disturbed_truth_stands_it_better(tmp_path):
+    truth = ("disturbance.accel_cubic_ug_per_g3=300", "design.angles_deg=[90,-90,45]")
+    found, file = run(tmp_path, *truth)
+    plain, other = run(tmp_path, truth[1])
+    assert (found["considered"], plain["considered"]) == (["accel_cubic"], [])
+    assert plain["joint_share_disturbed"] is None
+    ratio = [
+        np.max(made.true_std / made.bound)
+        for schedule in (file, other)
+        for made in [
+            sheet(
+                Setup(
+                    dataclasses.replace(
+                        load(["noise=quiet", truth[0]]), schedule=Schedule(**schedule)
+                    )
+                )
+            )
+        ]
+    ]
+    assert ratio[0] < ratio[1]
 
 
 def test_a_search_repeats_whatever_the_workers_and_goes_on_from_a_schedule(tmp_path, monkeypatch):

@@ -10,12 +10,13 @@ import numpy as np
 from inscal import units
 from inscal.blocks import Believed, Builder
 from inscal.box import share_within
-from inscal.design import covariance, tables
-from inscal.parameters import NAMES
+from inscal.design import considered, covariance, tables
+from inscal.parameters import AUGMENTATIONS, NAMES
 from inscal.schedule import initial_attitude, turns_of
 from inscal.search import Chain, Problem, advance, begin, scaled
 from inscal.state_model import NAVIGATION, StateModel
 from inscal.statistics import nominal_coverage
+from pipeline.config.disturbance import sizes_of
 from pipeline.config.load import load
 from pipeline.config.rules import check_duration
 from pipeline.config.schema import Config, Schedule
@@ -49,9 +50,18 @@ class Search:
         about, setup = config.design, self.setup
         self.interval = config.estimator.update_interval_s
         self.tick = self._updates("time_step_s")
-        groups = setup.model.augmentations
-        self.left_out = [name for name, g in groups.items() if g.wanders or g.drifts]
-        kept = StateModel(tuple(g for g in setup.model.groups if g not in self.left_out))
+        moving = [name for name, g in AUGMENTATIONS.items() if g.wanders or g.drifts]
+        self.left_out = [g for g in setup.model.augmentations if g in moving]
+        truth = sizes_of(config.disturbance)
+        others = {
+            name: g.source
+            for name, g in AUGMENTATIONS.items()
+            if name not in [*moving, *setup.model.groups] and getattr(truth, g.source) > 0.0
+        }
+        self.considered = list(others)
+        states = [g for g in setup.model.groups if g not in self.left_out]
+        kept = StateModel((*states, *others))
+        sizes = {source: getattr(truth, source) for source in others.values()}
         steps = config.simulation.dwell_step_s, config.simulation.turn_step_s
         self.tables = tables(
             Builder(
@@ -59,7 +69,7 @@ class Search:
                 kept,
                 setup.believed_noise,
                 self.interval,
-                Believed(setup.believed, *steps),
+                Believed(replace(setup.believed, **sizes), *steps),
             ),
             setup.prior,
             initial_attitude(config.schedule.initial_posture),
@@ -70,6 +80,9 @@ class Search:
             most_postures=_POSTURES,
         )
         self.own = kept.columns
+        groups = [n for n, g in kept.augmentations.items() for _ in g.names]
+        first = len(self.own)
+        self.others = tuple(first + k for k, name in enumerate(groups) if name in others)
         self.bound = (setup.bound * setup.unit / setup.prior.parameter)[self.own]
         self._refuse_impossible()
 
@@ -121,6 +134,7 @@ class Search:
             int(np.ceil(about.shortest_dwell_s / self.interval)),
             last,
             np.inf if limit is None else limit * units.DEGREE,
+            self.others,
         )
 
     def judge(self, moves: np.ndarray, durations: np.ndarray) -> Promise:
@@ -138,9 +152,13 @@ class Search:
                 f"design.longest_position_s = {self.config.design.longest_position_s:g}: a path "
                 f"has dwells of {low:g} to {high:g} s"
             )
-        found = covariance(self.tables, moves, rests)
-        n = len(self.own)
-        return self._promise(moves, durations, found[:n, :n])
+        found, n = covariance(self.tables, moves, rests), len(self.own)
+        if not self.others:
+            return self._promise(moves, durations, found[:n, :n])
+        states = np.setdiff1d(np.arange(len(found)), self.others)
+        claimed, true = considered(np.ascontiguousarray(found), states, np.array(self.others))
+        promise = self._promise(moves, durations, claimed[:n, :n])
+        return replace(promise, disturbed=share_within(true[:n, :n], self.bound))
 
     def exactly(self, moves: np.ndarray, durations: np.ndarray) -> Promise:
         """A path with what it promises, by the recursion of all states."""
@@ -150,7 +168,8 @@ class Search:
         setup = Setup(replace(self.config, schedule=self.schedule_of(promise)))
         prior = setup.prior.parameter[self.own]
         full = setup.gains.covariance[np.ix_(self.own, self.own)] / np.outer(prior, prior)
-        return self._promise(moves, durations, full)
+        exact = self._promise(moves, durations, full)
+        return replace(exact, disturbed=promise.disturbed)
 
     def _promise(self, moves: np.ndarray, durations: np.ndarray, found: np.ndarray) -> Promise:
         sigma = np.full(len(NAMES), np.nan)
@@ -257,6 +276,7 @@ class Search:
             self._earned(*_best(chains)),
             self.limit(path.total),
             self.left_out,
+            self.considered,
         )
 
     def _earned(self, moves: np.ndarray, durations: np.ndarray) -> list[float]:

@@ -38,6 +38,7 @@ def schedule_text(config: Config, found: Found) -> str:
         rotations=_rotations(found.path),
         seed=config.design.seed,
         start_from=config.design.start_from,
+        disturbance=config.disturbance.name if found.considered else None,
         steps=found.steps,
     )
 
@@ -86,6 +87,10 @@ def page(config: Config, search: Search, found: Found) -> str:
             )
         ],
         left_out=found.left_out,
+        considered=found.considered,
+        disturbance=config.disturbance.name,
+        disturbed=found.path.disturbed,
+        paper_disturbed=paper.disturbed if paper else None,
         sigmas=[
             (md.code(name), UNITS[i], f"{found.path.sigma_over_bound[i]:.3f}",
              f"{paper.sigma_over_bound[i]:.3f}" if paper else "")
@@ -125,8 +130,10 @@ def content(config: Config, found: Found) -> dict[str, Any]:
         "name": config.design.name,
         "objective": config.design.objective,
         "joint_share": found.path.share,
+        "joint_share_disturbed": found.path.disturbed,
         "limit": found.limit,
         "left_out": found.left_out,
+        "considered": found.considered,
         "total_time_s": found.path.total,
         "durations_s": found.path.durations,
         "rotations": _rotations(found.path),

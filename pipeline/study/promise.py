@@ -21,12 +21,16 @@ class Promise:
         Of runs that keep all bounds, predicted from the full covariance.
     sigma_over_bound : ndarray, shape (27,)
         NaN where not modelled.
+    disturbed : float or None
+        The share where truth has what the filter knows nothing of, as far as that is constant; None
+        where there is nothing.
     """
 
     turns: list[Turn]
     durations: list[float]
     share: float
     sigma_over_bound: np.ndarray
+    disturbed: float | None = None
 
     @property
     def total(self) -> float:
@@ -65,6 +69,8 @@ class Found:
         Share that no path can exceed in that time.
     left_out : list of str
         State groups that the search did without.
+    considered : list of str
+        Groups of what truth has and the filter does not know, which the search was to stand.
     """
 
     path: Promise
@@ -73,3 +79,4 @@ class Found:
     earned: list[float]
     limit: float
     left_out: list[str]
+    considered: list[str]
