@@ -168,7 +168,7 @@ def covariance(about: Tables, moves: np.ndarray, rests: np.ndarray) -> np.ndarra
 
 @compiled
 def considered(own, states, others):
-    """Covariances of states, as a filter claims and as it is, that knows nothing of others.
+    """True covariance of the states of a filter that knows nothing of others.
 
     Both are constants of known prior, whose joint covariance `own` has their priors as units. Its
     inverse is the information J; without the others the filter claims A = J_ss^-1, and one unit of
@@ -177,7 +177,7 @@ def considered(own, states, others):
     information = np.linalg.inv(own)
     claimed = np.linalg.inv(np.ascontiguousarray(information[states][:, states]))
     moved = claimed @ np.ascontiguousarray(information[states][:, others])
-    return claimed, claimed + moved @ moved.T
+    return claimed + moved @ moved.T
 
 
 @compiled

@@ -43,9 +43,11 @@ class Problem:
         Number of the last posture; -1: any.
     cable : float
         Largest sum of turns about an axis either way, rad; infinite: any.
+    disturbed : Tables or None
+        By what truth has beyond the filter's belief: a path is then judged by the mean of the
+        objective without and with that.
     others : tuple of int
-        Places of constants that the filter knows nothing of. A path is then judged by the mean of
-        the objective without and with them.
+        Places there of constants that the filter knows nothing of.
     """
 
     about: Tables
@@ -55,6 +57,7 @@ class Problem:
     shortest: int
     last: int = -1
     cable: float = np.inf
+    disturbed: Tables | None = None
     others: tuple[int, ...] = ()
 
     @property
@@ -188,19 +191,16 @@ def _arguments(problem: Problem) -> tuple:
     rules = (
         problem.about.updates, problem.angles, problem.tick, problem.shortest, problem.last,
         problem.cable + 1e-9, OBJECTIVES.index(problem.objective), problem.bound, GENERATORS,
-        *_places(problem),
     )  # fmt: skip
-    return problem.about.blocks, rules
-
-
-def _places(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
-    """Constants that the filter knows, and others."""
+    if problem.disturbed is None:
+        return problem.about.blocks, None, rules
     others = np.array(problem.others, dtype=int)
-    return np.setdiff1d(np.arange(problem.about.rates.shape[2]), others), others
+    states = np.setdiff1d(np.arange(problem.disturbed.rates.shape[2]), others)
+    return problem.about.blocks, (problem.disturbed.blocks, states, others), rules
 
 
 @compiled
-def _energy(moves, durations, blocks, rules):
+def _energy(moves, durations, blocks, disturbed, rules):
     after, updates, angles = blocks[0], rules[0], rules[1]
     shortest, last, cable, objective, bound = rules[3], rules[4], rules[5], rules[6], rules[7]
     rests = durations.copy()
@@ -216,16 +216,22 @@ def _energy(moves, durations, blocks, rules):
             return np.inf
     if rests.min() < shortest or (last >= 0 and posture != last) or rests.max() >= len(blocks[5]):
         return np.inf
-    constants = blocks[1].shape[2]
-    p = np.empty((NAVIGATION + constants, NAVIGATION + constants))
+    energy = _worth(_constants(moves, rests, blocks), bound, objective, rules[8])
+    if disturbed is not None:
+        true, states, others = _constants(moves, rests, disturbed[0]), disturbed[1], disturbed[2]
+        if len(others) > 0:
+            true = considered(true, states, others)
+        energy = 0.5 * (energy + _worth(true, bound, objective, rules[8]))
+    return energy
+
+
+@compiled
+def _constants(moves, rests, blocks):
+    """Covariance of the constants at the end of a path."""
+    count = NAVIGATION + blocks[1].shape[2]
+    p = np.empty((count, count))
     through(moves, rests, *blocks, p)
-    own = np.ascontiguousarray(p[NAVIGATION:, NAVIGATION:])
-    states, others = rules[9], rules[10]
-    if len(others) == 0:
-        return _worth(own, bound, objective, rules[8])
-    claimed, true = considered(own, states, others)
-    both = _worth(claimed, bound, objective, rules[8]) + _worth(true, bound, objective, rules[8])
-    return 0.5 * both
+    return np.ascontiguousarray(p[NAVIGATION:, NAVIGATION:])
 
 
 @compiled
@@ -249,7 +255,7 @@ def _worth(covariance, bound, objective, generators):
 @compiled
 def _anneal(
     moves, durations, energy, best_moves, best_durations, best_energy, rng, steps, temperature,
-    blocks, rules,
+    blocks, disturbed, rules,
 ):  # fmt: skip
     """Go `steps` on; arrays change in place, energies are returned."""
     count, tick, kinds = len(durations), rules[2], len(rules[0])
@@ -270,7 +276,7 @@ def _anneal(
             moved = tick * (1 + int(rng.random() * rng.random() * 8.0))
             times[i] -= moved
             times[j] += moved
-        found = _energy(tried, times, blocks, rules)
+        found = _energy(tried, times, blocks, disturbed, rules)
         if found <= energy or rng.random() < np.exp((energy - found) / hot):
             moves[:], durations[:], energy = tried, times, found
             if energy < best_energy:

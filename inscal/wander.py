@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inscal.disturbance import Disturbance, stream
+from inscal.disturbance import PROCESSES, Disturbance, stream
 from inscal.kernel import compiled
 
 FLICKER_RANGE = (10.0, 10_000.0)
@@ -116,6 +116,29 @@ def terms_of(disturbance: Disturbance, source: str) -> list[Term]:
         return flicker(size)
     time = getattr(disturbance, f"{source}_time")
     return [Term(2.0 * size**2 / time, time)]
+
+
+def white_like(disturbance: Disturbance, sensor: str, time: float) -> float:
+    """Density of white noise that has the Allan deviation of moving biases at a time.
+
+    What moves slowly acts on dwells of that length as if it were as large and independent.
+
+    Parameters
+    ----------
+    disturbance : Disturbance
+    sensor : str
+        ``gyro`` or ``accel``.
+    time : float
+        s.
+
+    Returns
+    -------
+    float
+        rad/sqrt(s), m/s^2/sqrt(Hz).
+    """
+    present = [s for s in PROCESSES if s.startswith(sensor) and getattr(disturbance, s) > 0.0]
+    terms = [term for source in present for term in terms_of(disturbance, source)]
+    return float(np.sqrt(time * allan_variance(terms, np.array(time))))
 
 
 def discrete(term: Term, duration: np.ndarray) -> np.ndarray:

@@ -8,24 +8,22 @@ from dataclasses import replace
 import numpy as np
 
 from inscal import units
-from inscal.blocks import Believed, Builder
 from inscal.box import share_within
-from inscal.design import considered, covariance, tables
-from inscal.parameters import AUGMENTATIONS, NAMES
-from inscal.schedule import initial_attitude, turns_of
+from inscal.parameters import NAMES
+from inscal.schedule import initial_attitude
 from inscal.search import Chain, Problem, advance, begin, scaled
-from inscal.state_model import NAVIGATION, StateModel
+from inscal.state_model import NAVIGATION
 from inscal.statistics import nominal_coverage
-from pipeline.config.disturbance import sizes_of
 from pipeline.config.load import load
 from pipeline.config.rules import check_duration
 from pipeline.config.schema import Config, Schedule
 from pipeline.config.setup import Setup
 from pipeline.console.errors import ConfigError
+from pipeline.study.budget import sheet
+from pipeline.study.design_tables import believed, disturbed, left_out
 from pipeline.study.promise import Found, Promise
 
 _SLICES = 20
-_POSTURES = 96  # all that turns of 90 degrees and one of 45 lead to
 _LESS = 60.0  # s, by which a dwell is cut to see what it earns
 _BISECTIONS = 6
 _COOLED = 0.6  # of the cooling that a search does without which goes on from a path
@@ -47,42 +45,13 @@ class Search:
 
     def __init__(self, config: Config):
         self.config, self.setup = config, Setup(config)
-        about, setup = config.design, self.setup
+        setup = self.setup
         self.interval = config.estimator.update_interval_s
         self.tick = self._updates("time_step_s")
-        moving = [name for name, g in AUGMENTATIONS.items() if g.wanders or g.drifts]
-        self.left_out = [g for g in setup.model.augmentations if g in moving]
-        truth = sizes_of(config.disturbance)
-        others = {
-            name: g.source
-            for name, g in AUGMENTATIONS.items()
-            if name not in [*moving, *setup.model.groups] and getattr(truth, g.source) > 0.0
-        }
-        self.considered = list(others)
-        states = [g for g in setup.model.groups if g not in self.left_out]
-        kept = StateModel((*states, *others))
-        sizes = {source: getattr(truth, source) for source in others.values()}
-        steps = config.simulation.dwell_step_s, config.simulation.turn_step_s
-        self.tables = tables(
-            Builder(
-                setup.site,
-                kept,
-                setup.believed_noise,
-                self.interval,
-                Believed(replace(setup.believed, **sizes), *steps),
-            ),
-            setup.prior,
-            initial_attitude(config.schedule.initial_posture),
-            turns_of((angle, axis) for axis in about.axes for angle in about.angles_deg),
-            rate=setup.schedule.turn_rate,
-            acceleration=setup.schedule.turn_acceleration,
-            longest=self._updates("longest_position_s"),
-            most_postures=_POSTURES,
-        )
-        self.own = kept.columns
-        groups = [n for n, g in kept.augmentations.items() for _ in g.names]
-        first = len(self.own)
-        self.others = tuple(first + k for k, name in enumerate(groups) if name in others)
+        longest = self._updates("longest_position_s")
+        self.left_out = left_out(setup)
+        self.scene, self.disturbed = believed(setup, longest), disturbed(setup, longest)
+        self.tables, self.own = self.scene.tables, setup.model.columns
         self.bound = (setup.bound * setup.unit / setup.prior.parameter)[self.own]
         self._refuse_impossible()
 
@@ -134,7 +103,8 @@ class Search:
             int(np.ceil(about.shortest_dwell_s / self.interval)),
             last,
             np.inf if limit is None else limit * units.DEGREE,
-            self.others,
+            self.disturbed.tables if self.disturbed else None,
+            self.disturbed.others if self.disturbed else (),
         )
 
     def judge(self, moves: np.ndarray, durations: np.ndarray) -> Promise:
@@ -152,32 +122,36 @@ class Search:
                 f"design.longest_position_s = {self.config.design.longest_position_s:g}: a path "
                 f"has dwells of {low:g} to {high:g} s"
             )
-        found, n = covariance(self.tables, moves, rests), len(self.own)
-        if not self.others:
-            return self._promise(moves, durations, found[:n, :n])
-        states = np.setdiff1d(np.arange(len(found)), self.others)
-        claimed, true = considered(np.ascontiguousarray(found), states, np.array(self.others))
-        promise = self._promise(moves, durations, claimed[:n, :n])
-        return replace(promise, disturbed=share_within(true[:n, :n], self.bound))
+        promise = self._promise(moves, durations, self.scene.covariance(moves, rests))
+        if self.disturbed is None:
+            return promise
+        true = self._promise(moves, durations, self.disturbed.covariance(moves, rests))
+        return replace(promise, disturbed=true.share)
 
     def exactly(self, moves: np.ndarray, durations: np.ndarray) -> Promise:
-        """A path with what it promises, by the recursion of all states."""
-        promise = self.judge(moves, durations)
-        if not self.left_out:
-            return promise
-        setup = Setup(replace(self.config, schedule=self.schedule_of(promise)))
-        prior = setup.prior.parameter[self.own]
-        full = setup.gains.covariance[np.ix_(self.own, self.own)] / np.outer(prior, prior)
-        exact = self._promise(moves, durations, full)
-        return replace(exact, disturbed=promise.disturbed)
+        """A path with what it promises, by the recursion of all states and the error budget."""
+        if self.disturbed is None and not self.left_out:
+            return self.judge(moves, durations)
+        path = self._promise(moves, durations, np.eye(len(self.own)))
+        setup, disturbed = Setup(replace(self.config, schedule=self.schedule_of(path))), None
+        if self.disturbed:
+            made = sheet(setup).budget
+            disturbed = self._promise(moves, durations, self._own(made.true_covariance)).share
+        exact = self._promise(moves, durations, self._own(setup.gains.covariance))
+        return replace(exact, disturbed=disturbed)
+
+    def _own(self, covariance: np.ndarray) -> np.ndarray:
+        """Covariance of the parameters in units of their priors."""
+        prior = self.setup.prior.parameter[self.own]
+        return np.asarray(covariance[np.ix_(self.own, self.own)] / np.outer(prior, prior))
 
     def _promise(self, moves: np.ndarray, durations: np.ndarray, found: np.ndarray) -> Promise:
-        sigma = np.full(len(NAMES), np.nan)
-        sigma[self.own] = np.sqrt(np.diag(found)) / self.bound
+        n, sigma = len(self.own), np.full(len(NAMES), np.nan)
+        sigma[self.own] = np.sqrt(np.diag(found)[:n]) / self.bound
         return Promise(
             [self.tables.moves[m] for m in moves],
             [float(x) * self.interval for x in durations],
-            share_within(found, self.bound),
+            share_within(found[:n, :n], self.bound),
             sigma,
         )
 
@@ -248,8 +222,9 @@ class Search:
             chains = [begin(problem, durations, rng, moves) for rng in streams]
         except ValueError as error:
             raise ConfigError(f"design: {error}") from None
-        states = NAVIGATION + self.tables.rates.shape[2]
-        speed = about.steps_per_second * (_STATES / states) ** 2
+        every = [self.tables, *([self.disturbed.tables] if self.disturbed else [])]
+        work = sum((NAVIGATION + one.rates.shape[2]) ** 2 for one in every)
+        speed = about.steps_per_second * _STATES**2 / work
         steps = max(1, int(seconds * speed / about.chains / _SLICES))
         course: list[tuple[float, float]] = []
         cooled = 0.0 if given is None else _COOLED
@@ -268,16 +243,28 @@ class Search:
                     tell(f"{100 * done[1]:.0f} %: {100 * share:.2f} % of runs keep all bounds")
         except KeyboardInterrupt:
             tell("interrupted: the best so far is kept")
-        path = self.exactly(*_best(chains))
+        path, best = self._chosen(chains)
         return Found(
             path,
             course,
             steps * about.chains * len(course),
-            self._earned(*_best(chains)),
+            self._earned(*best),
             self.limit(path.total),
             self.left_out,
-            self.considered,
+            list(self.disturbed.names) if self.disturbed else [],
         )
+
+    def _chosen(self, chains: Sequence[Chain]) -> tuple[Promise, tuple[np.ndarray, np.ndarray]]:
+        """Best of the chains; with disturbances by the mean of exact log odds of both shares."""
+        if self.disturbed is None:
+            best = _best(chains)
+            return self.exactly(*best), best
+        made = []
+        for one in chains:
+            path = self.exactly(one.best_moves, one.best_durations)
+            odds = [share / (1.0 - share) for share in (path.share, path.disturbed or 0.0)]
+            made.append((odds[0] * odds[1], path, (one.best_moves, one.best_durations)))
+        return max(made, key=lambda one: one[0])[1:]
 
     def _earned(self, moves: np.ndarray, durations: np.ndarray) -> list[float]:
         """Share of runs that a minute of each position is worth; NaN where it has none to give."""

@@ -22,8 +22,7 @@ class Promise:
     sigma_over_bound : ndarray, shape (27,)
         NaN where not modelled.
     disturbed : float or None
-        The share where truth has what the filter knows nothing of, as far as that is constant; None
-        where there is nothing.
+        The share where truth has what the filter knows nothing of; None where there is nothing.
     """
 
     turns: list[Turn]
