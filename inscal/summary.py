@@ -122,7 +122,13 @@ def augmented(campaign: xr.Dataset) -> xr.Dataset | None:
 
 
 def compare(
-    a: xr.Dataset, b: xr.Dataset, *, resamples: int, seed: int, confidence: float = 0.95
+    a: xr.Dataset,
+    b: xr.Dataset,
+    *,
+    resamples: int,
+    seed: int,
+    confidence: float = 0.95,
+    bound: xr.DataArray | None = None,
 ) -> xr.Dataset:
     """RMSE of campaign `a` over that of campaign `b`, over the runs done in both.
 
@@ -135,6 +141,8 @@ def compare(
     seed : int
         Of the resampling.
     confidence : float
+    bound : xarray.DataArray, optional
+        Accuracy bounds, on parameter.
 
     Returns
     -------
@@ -142,7 +150,10 @@ def compare(
         On parameter: ratio; lower and upper, its pointwise interval; simultaneous_lower and
         simultaneous_upper, which hold for all parameters at once; p_ratio_above_one, Holm-adjusted
         over the parameters, small where `a` is worse; predicted_ratio, NaN unless both filters
-        model the parameter; rmse_a and rmse_b. Scalar: runs_paired.
+        model the parameter; rmse_a and rmse_b. Scalar: runs_paired. With bounds also
+        joint_share_a, joint_share_b, joint_difference and its interval, joint_difference_lower and
+        joint_difference_upper, over the runs_judged that are done or failed in both: a failed run
+        misses every bound.
 
     Raises
     ------
@@ -186,8 +197,44 @@ def compare(
         "rmse_b": _variable(statistics.rmse(error_b).value, "RMSE of b", _PARAMETER_UNIT),
         "runs_paired": _variable(len(runs), "runs done in both campaigns", "1"),
     }
+    if bound is not None:
+        columns |= _joint(a, b, bound, confidence)
     attrs = {"confidence": confidence, "resamples": resamples, "seed": seed}
     return xr.Dataset(columns, coords=_labels(done_a), attrs=attrs)
+
+
+def _joint(
+    a: xr.Dataset, b: xr.Dataset, bound: xr.DataArray, confidence: float
+) -> dict[str, xr.Variable]:
+    """Shares of runs that keep all bounds, paired."""
+    kept = []
+    for campaign in (a, b):
+        made = campaign.isel(run=np.isin(campaign["status"], (DONE, FAILED)))
+        limit = _bound_in_order(bound, made)
+        error = made["error"].transpose("run", "parameter").to_numpy()
+        is_done = (made["status"] == DONE).to_numpy()
+        kept.append(
+            dict(
+                zip(
+                    made["run"].to_numpy(),
+                    is_done & (np.abs(error) <= limit).all(axis=1),
+                    strict=True,
+                )
+            )
+        )
+    runs = sorted(kept[0].keys() & kept[1].keys())
+    found = comparison_statistics.share_difference(
+        [kept[0][run] for run in runs], [kept[1][run] for run in runs], confidence
+    )
+    says = {
+        "joint_share_a": (found.a, "share of runs of a that keep all bounds"),
+        "joint_share_b": (found.b, "share of runs of b that keep all bounds"),
+        "joint_difference": (found.difference, "the first less the second"),
+        "joint_difference_lower": (found.lower, f"lower {100 * confidence:g} % limit"),
+        "joint_difference_upper": (found.upper, f"upper {100 * confidence:g} % limit"),
+        "runs_judged": (len(runs), "runs done or failed in both campaigns"),
+    }
+    return {name: _variable(value, text, "1") for name, (value, text) in says.items()}
 
 
 def _done(campaign: xr.Dataset) -> xr.Dataset:

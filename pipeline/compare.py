@@ -1,20 +1,21 @@
-"""Stage `compare`: RMSE of one campaign over another's, paired run by run.
+"""Stage `compare`: which of two campaigns keeps all bounds more often, and their RMSE, paired.
 
 Usage: ``python -m pipeline.compare a=STORE b=STORE [out=FILE.csv]``. Both campaigns must share the
-seed and the truth; they may differ in anything else. A ratio above one means that `a` is worse.
+seed and the truth; they may differ in anything else. The verdict is by the share of runs that keep
+all bounds; a ratio of RMSE above one means that `a` is worse in that parameter.
 
 For example::
 
     python -m pipeline.compare a=results/runs/one_pass b=results/runs/two_pass out=passes.csv
 
-Reads: a b out.
+Reads: a b out bounds.
 """
 
 from pathlib import Path
 
 import xarray as xr
 
-from pipeline.campaign.judged import as_json, comparison_of, table_text
+from pipeline.campaign.judged import as_json, bounds_of, comparison_of, table_text
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
@@ -50,7 +51,7 @@ def main(config: Config) -> None:
             raise ConfigError(f"{key} = null: must be the path of a campaign store")
     if config.out and Path(config.out).suffix == ".json":
         raise ConfigError(f"out = {config.out!r}: must be a CSV file; the JSON file goes beside it")
-    result = comparison_of(config.a or "", config.b or "")
+    result = comparison_of(config.a or "", config.b or "", bounds_of(config))
     print_comparison(result)
     content = as_json(result)
     verdict = contest_verdict(contest(json_data(content)))

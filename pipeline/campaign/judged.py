@@ -44,9 +44,8 @@ def summary_of(config: Config, path: str | Path) -> xr.Dataset:
 
 def summary(config: Config, path: str | Path, campaign: xr.Dataset) -> xr.Dataset:
     """Summary of a campaign that has been read already; else as `summary_of`."""
-    bound = xr.DataArray(Setup(config).bound, dims="parameter", coords={"parameter": list(NAMES)})
     try:
-        found = summarize(campaign, bound)
+        found = summarize(campaign, bounds_of(config))
     except ValueError as error:
         raise DataError(f"campaign store {path}: {error}") from None
     missing = campaign.sizes["run"] - int(found.runs_done) - int(found.runs_failed)
@@ -66,6 +65,11 @@ def summary(config: Config, path: str | Path, campaign: xr.Dataset) -> xr.Datase
         **_augmented(campaign),
         **_verdicts(campaign),
     )
+
+
+def bounds_of(config: Config) -> xr.DataArray:
+    """Bounds of a configuration, on parameter, in paper units."""
+    return xr.DataArray(Setup(config).bound, dims="parameter", coords={"parameter": list(NAMES)})
 
 
 def _disturbed(configuration: Mapping[str, Any]) -> dict[str, Any]:
@@ -127,12 +131,14 @@ def as_json(dataset: xr.Dataset) -> str:
 _RESAMPLES = 4000
 
 
-def comparison_of(a: str | Path, b: str | Path) -> xr.Dataset:
+def comparison_of(a: str | Path, b: str | Path, bound: xr.DataArray | None = None) -> xr.Dataset:
     """Paired comparison of two campaign stores.
 
     Parameters
     ----------
     a, b : str or Path
+    bound : xarray.DataArray, optional
+        Of `bounds_of`; without, shares within bounds are not compared.
 
     Returns
     -------
@@ -144,10 +150,16 @@ def comparison_of(a: str | Path, b: str | Path) -> xr.Dataset:
     DataError
         If a store is missing, or the two cannot be paired.
     """
-    return comparison(a, store.read(a), b, store.read(b))
+    return comparison(a, store.read(a), b, store.read(b), bound)
 
 
-def comparison(a: str | Path, left: xr.Dataset, b: str | Path, right: xr.Dataset) -> xr.Dataset:
+def comparison(
+    a: str | Path,
+    left: xr.Dataset,
+    b: str | Path,
+    right: xr.Dataset,
+    bound: xr.DataArray | None = None,
+) -> xr.Dataset:
     """Paired comparison of two campaigns that have been read already; else as `comparison_of`."""
     if left.attrs["seed"] != right.attrs["seed"]:
         seeds = left.attrs["seed"], right.attrs["seed"]
@@ -156,7 +168,7 @@ def comparison(a: str | Path, left: xr.Dataset, b: str | Path, right: xr.Dataset
     if differing := differences(units[0], units[1], "sensor."):
         raise DataError(f"a = {a}, b = {b}: errors in other units: {', '.join(differing)}")
     try:
-        result = compare(left, right, resamples=_RESAMPLES, seed=left.attrs["seed"])
+        result = compare(left, right, resamples=_RESAMPLES, seed=left.attrs["seed"], bound=bound)
     except ValueError as error:
         raise DataError(f"a = {a}, b = {b}: {error}") from None
     duration = [_duration(campaign) for campaign in (left, right)]

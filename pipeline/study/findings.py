@@ -29,6 +29,10 @@ ENOUGH = 0.99
 
 _SUMMARY_FOLDER = Path("results/summary")
 _COMPARISON_FOLDER = Path("results/comparison")
+_JOINT = (
+    *("joint_share_a", "joint_share_b", "joint_difference"),
+    *("joint_difference_lower", "joint_difference_upper", "runs_judged"),
+)
 _SAME_TIME_PERCENT = 0.1  # a smaller difference is rounding of the position time
 
 
@@ -46,6 +50,9 @@ class Contest:
         Parameters that `a` estimates worse, or better, by the simultaneous intervals.
     time_saved_percent : float
         How much less time `a` takes, in percent of that of `b`.
+    joint : mapping or None
+        Shares of runs that keep all bounds, as `inscal.summary.compare` has them; None where they
+        were not compared.
     """
 
     a: str
@@ -56,6 +63,7 @@ class Contest:
     worse: tuple[str, ...]
     better: tuple[str, ...]
     time_saved_percent: float
+    joint: Mapping[str, float] | None = None
 
 
 def read_json(path: str | Path, stage: str) -> dict[str, Any]:
@@ -228,6 +236,7 @@ def contest(comparison: Summary) -> Contest:
         worse=tuple(name for name, row in table.items() if row["simultaneous_lower"] > 1.0),
         better=tuple(name for name, row in table.items() if row["simultaneous_upper"] < 1.0),
         time_saved_percent=100.0 * (1.0 - duration_a / duration_b),
+        joint={key: comparison[key] for key in _JOINT} if "joint_share_a" in comparison else None,
     )
 
 

@@ -105,9 +105,8 @@ def _schedule(schedule: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _contest(heading: str, name: str, results: Results) -> dict[str, Any]:
-    comparison, summaries = results.comparisons[name], results.summaries
+    comparison = results.comparisons[name]
     result = findings.contest(comparison)
-    both = [summaries[side] for side in (result.a, result.b) if side in summaries]
     return {
         **vars(result),
         "heading": heading,
@@ -116,7 +115,6 @@ def _contest(heading: str, name: str, results: Results) -> dict[str, Any]:
         "seconds": comparison["duration_s"],
         "pairs": comparison["runs_paired"],
         "count": len(comparison["parameters"]),
-        "joint": [findings.joint_text(summary) for summary in both] if len(both) == 2 else None,
     }
 
 

@@ -148,3 +148,25 @@ def test_pairs_that_cannot_be_compared_are_refused():
         compare(np.ones((1, 2)), np.ones((1, 2)))
     with pytest.raises(ValueError, match="resamples"):
         compare(np.ones((3, 2)), np.ones((3, 2)), resamples=1)
+
+
+@pytest.mark.parametrize(
+    ("both", "only_a", "only_b"), [(0.95, 0.03, 0.005), (0.5, 0.2, 0.2), (0.98, 0.0, 0.01)]
+)
+def test_interval_of_a_share_difference_covers_as_often_as_it_says(both, only_a, only_b):
+    rng = np.random.default_rng(8)
+    cells = [both, only_a, only_b, 1.0 - both - only_a - only_b]
+    covered = 0
+    for _ in range(1500):
+        outcome = rng.choice(4, size=300, p=cells)
+        found = comparison.share_difference(outcome <= 1, outcome % 2 == 0)
+        covered += found.lower <= only_a - only_b <= found.upper
+    assert 0.93 < covered / 1500 < 0.99
+
+
+def test_share_difference_of_known_runs():
+    a, b = [True, True, True, False], [True, False, True, False]
+    found = comparison.share_difference(a, b)
+    assert (found.a, found.b, found.difference) == (0.75, 0.5, 0.25)
+    assert found.lower < 0.0 < found.difference < found.upper
+    assert comparison.share_difference(b, a).lower == pytest.approx(-found.upper)

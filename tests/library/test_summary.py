@@ -286,3 +286,17 @@ def test_campaigns_that_do_not_pair_are_refused():
     other["truth"][3, 8] *= 1.0 + 1e-6
     with pytest.raises(ValueError, match="run 103 has another truth"):
         compare(one, other, resamples=10, seed=1)
+
+
+def test_shares_within_bounds_are_of_pairs_that_are_done_or_failed_in_both():
+    within, beyond = np.zeros(COUNT), 3.0 * paper_bounds()
+    a = campaign(np.array([within, within, within, beyond, within]), [1, 1, 2, 1, 0])
+    b = campaign(np.array([within, beyond, within, within, beyond]), [1, 1, 1, 1, 1])
+    for one in (a, b):
+        one["error"] += 1e-3 * SIGMA  # a ratio of RMSE needs errors
+    found = compare(a, b, resamples=200, seed=1, bound=BOUND)
+    assert int(found.runs_judged) == 4
+    assert float(found.joint_share_a) == 0.5  # the failed run misses every bound
+    assert float(found.joint_share_b) == 0.75
+    assert float(found.joint_difference_lower) < -0.25 < float(found.joint_difference_upper)
+    assert "joint_share_a" not in compare(a, b, resamples=200, seed=1)

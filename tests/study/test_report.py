@@ -79,6 +79,7 @@ def prototype():
         "equal_position_time": comparison_of(3.0),
         "equal_total_time": comparison_of(3.0, (12502.0, 12500.0)),
     }
+    comparisons |= {n: comparison_of(3.0) for n in names.COMPARISONS if n not in comparisons}
     return Results(summaries, comparisons, CONFIGURATION)
 
 
@@ -195,7 +196,7 @@ def test_single_pass_is_called_what_its_numbers_are(results):
 def test_schedule_verdict_follows_the_simultaneous_intervals(results):
     comparison = results.comparisons["equal_position_time"]
     verdict = findings.contest_verdict(findings.contest(comparison))
-    assert verdict.startswith(f"{comparison['b']} is better; {comparison['a']} saves 24 % of the")
+    assert verdict.startswith(f"{comparison['b']} has the smaller errors; {comparison['a']} saves 24 % of the")
     assert "significantly worse in 27 parameters and better in 0" in verdict
     comparison["parameters"]["accel_k11"] |= {"simultaneous_lower": 0.7, "simultaneous_upper": 0.9}
     mixed = findings.contest(comparison)
@@ -204,11 +205,20 @@ def test_schedule_verdict_follows_the_simultaneous_intervals(results):
     for row in comparison["parameters"].values():
         row |= {"ratio": 0.8, "simultaneous_lower": 0.7, "simultaneous_upper": 0.9}
     assert findings.contest_verdict(findings.contest(comparison)).startswith(
-        f"{comparison['a']} is better"
+        f"{comparison['a']} has the smaller errors"
     )
     for row in comparison["parameters"].values():
         row["simultaneous_upper"] = 1.1
     assert findings.contest_verdict(findings.contest(comparison)).startswith("neither is better")
+    joint = {"joint_share_a": 0.97, "joint_share_b": 0.99, "joint_difference": -0.02}
+    limits = {"joint_difference_lower": -0.03, "joint_difference_upper": -0.01, "runs_judged": 500}
+    judged = findings.contest(comparison | joint | limits)
+    assert findings.contest_verdict(judged).startswith(
+        f"{judged.b} keeps all bounds more often than {judged.a}: 97.0 % against 99.0 % of 500"
+    )
+    limits["joint_difference_upper"] = 0.01
+    judged = findings.contest(comparison | joint | limits)
+    assert findings.contest_verdict(judged).startswith("these 500 runs do not tell")
 
 
 def test_same_time_is_called_so(results):
