@@ -191,6 +191,34 @@ def build_estimator(
         an observation is without noise, or a predicted sigma is zero or not finite; if there are
         fewer passes at most than for every run.
     """
+    transitions = build_transitions(
+        schedule, site, belief.model, belief.noise, update_interval=belief.update_interval
+    )
+    return estimator_of(transitions, belief, augmented)
+
+
+def estimator_of(
+    transitions: Transitions, belief: Belief, augmented: Augmented | None = None
+) -> Estimator:
+    """Gains of all passes for transitions of any origin.
+
+    Parameters
+    ----------
+    transitions : Transitions
+        Of the belief's model, without augmented states.
+    belief : Belief
+    augmented : Augmented, optional
+        Of the belief's model, where it has augmented states.
+
+    Returns
+    -------
+    Estimator
+
+    Raises
+    ------
+    ValueError
+        As `build_estimator`, but for the schedule.
+    """
     model, noise, std = belief.model, belief.noise, belief.prior
     if not min(noise.velocity, noise.position) > 0.0:
         raise ValueError(
@@ -202,9 +230,6 @@ def build_estimator(
         raise ValueError(f"at most {max_passes} passes, but every run gets {belief.passes}")
     if (augmented.names if augmented else ()) != model.augmented:
         raise ValueError(f"augmented states {model.augmented} of the model are not prepared")
-    transitions = build_transitions(
-        schedule, site, model, noise, update_interval=belief.update_interval
-    )
     if augmented is not None:
         transitions = replace(transitions, augmented=augmented.transitions)
     first = compute_gains(transitions, model, noise, std)
