@@ -198,7 +198,10 @@ def build_estimator(
 
 
 def estimator_of(
-    transitions: Transitions, belief: Belief, augmented: Augmented | None = None
+    transitions: Transitions,
+    belief: Belief,
+    augmented: Augmented | None = None,
+    observed: np.ndarray | None = None,
 ) -> Estimator:
     """Gains of all passes for transitions of any origin.
 
@@ -209,6 +212,8 @@ def estimator_of(
     belief : Belief
     augmented : Augmented, optional
         Of the belief's model, where it has augmented states.
+    observed : ndarray, shape (updates, 6), optional
+        As of `compute_gains`.
 
     Returns
     -------
@@ -232,7 +237,7 @@ def estimator_of(
         raise ValueError(f"augmented states {model.augmented} of the model are not prepared")
     if augmented is not None:
         transitions = replace(transitions, augmented=augmented.transitions)
-    first = compute_gains(transitions, model, noise, std)
+    first = compute_gains(transitions, model, noise, std, observed)
     modelled = np.concatenate([model.columns, np.arange(COUNT, len(first.covariance))])
     prior = initial_constants(transitions, std)
     final = np.sqrt(np.diag(first.covariance))
@@ -242,7 +247,7 @@ def estimator_of(
         refuse_degenerate(first, model)
         parameter, attitude, further = np.split(tight, [COUNT, CONSTANTS])
         tight_std = replace(std, parameter=parameter, attitude=attitude, augmented=further)
-        later = compute_gains(transitions, model, noise, tight_std)
+        later = compute_gains(transitions, model, noise, tight_std, observed)
         # in units of the final sigmas: SI covariances span twenty orders of magnitude
         block, unit = np.ix_(modelled, modelled), final[modelled]
         translate[block] = np.divide.outer(unit, unit) * _ratio(

@@ -20,6 +20,7 @@ from inscal.kernel import LANES
 from inscal.motion import Motion, Site
 from inscal.parameters import COUNT
 from inscal.path import path_of
+from inscal.record import Record
 from inscal.schedule import Schedule
 from inscal.simulation import Truth, Workspace, draw_truth, simulate
 from inscal.statistics import nees
@@ -207,6 +208,35 @@ def tiles(
     calibration : Calibration
         A lane per run of the part.
     """
+    for part, truth, record in records(experiment, runs, workspace):
+        calibration = calibrate(
+            record, experiment.motion, experiment.site, experiment.estimator, history=history
+        )
+        yield part, truth, calibration.head(len(truth))
+
+
+def records(
+    experiment: Experiment, runs: Sequence[int], workspace: Workspace | None = None
+) -> Iterator[tuple[slice, np.ndarray, Record]]:
+    """Simulate runs, up to `LANES` at a time.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    runs : sequence of int
+        Run numbers, in any number and order.
+    workspace : Workspace, optional
+        Buffers to reuse; one thread at a time.
+
+    Yields
+    ------
+    part : slice
+        Of `runs`.
+    truth : ndarray, shape (runs of the part, 27)
+        SI.
+    record : Record
+        Its first lanes are those of the part; valid until the next is asked for.
+    """
     workspace = workspace or Workspace.of(experiment.motion)
     parameters = experiment.truth.parameters
     for first in range(0, len(runs), LANES):
@@ -226,10 +256,7 @@ def tiles(
         )
         if experiment.disturbed is not None:
             experiment.disturbed.put_into(record, truth[lanes].T, seed=experiment.seed, runs=drawn)
-        calibration = calibrate(
-            record, experiment.motion, experiment.site, experiment.estimator, history=history
-        )
-        yield slice(first, first + used), truth, calibration.head(used)
+        yield slice(first, first + used), truth, record
 
 
 def _outcome(

@@ -109,7 +109,11 @@ def observation_covariance(noise: NoiseModel) -> np.ndarray:
 
 
 def compute_gains(
-    transitions: Transitions, model: StateModel, noise: NoiseModel, std: InitialStd
+    transitions: Transitions,
+    model: StateModel,
+    noise: NoiseModel,
+    std: InitialStd,
+    observed: np.ndarray | None = None,
 ) -> Gains:
     """Run the recursion over a schedule.
 
@@ -120,6 +124,8 @@ def compute_gains(
     model : StateModel
     noise : NoiseModel
     std : InitialStd
+    observed : ndarray, shape (updates, 6), optional
+        Standard deviations of the observations, where they are not those of `noise` throughout.
 
     Returns
     -------
@@ -148,7 +154,7 @@ def compute_gains(
         of_constants,
         noise_root,
         index,
-        np.sqrt(np.diag(observation_covariance(noise))),
+        np.sqrt(np.diag(observation_covariance(noise)))[None] if observed is None else observed,
         rows,
         gain,
         variance,
@@ -270,7 +276,8 @@ def _recur(columns, phi_moving, phi_par, q, index, r, rows, gain, variance, root
     """Predict and update the root in place through all updates.
 
     `columns` holds the columns of L as its rows, so that what works on columns reads memory in
-    order; `phi_moving`, `phi_par` and `q` are transposed likewise, and `r` is a standard deviation.
+    order; `phi_moving`, `phi_par` and `q` are transposed likewise, and `r` holds standard
+    deviations, a row for every update or one for all.
     """
     moving = phi_moving.shape[1]
     first, seen = len(columns) - moving, len(columns) - NAVIGATION + _FIRST
@@ -280,8 +287,9 @@ def _recur(columns, phi_moving, phi_par, q, index, r, rows, gain, variance, root
         kind = index[k, 0]
         _predict(columns, first, phi_moving[kind], phi_par[index[k, 1]], q[kind], stacked)
         low = roots[k]  # of S, the covariance of the innovations
+        own = r[k if len(r) > 1 else 0]
         for i in range(OBSERVED):
-            low[i, i] = _observe(columns, seen + i, r[i], kept[i])
+            low[i, i] = _observe(columns, seen + i, own[i], kept[i])
             for j in range(i):
                 low[i, j] = kept[j, seen + i]
         _gain(kept, low, rows, gain[k])

@@ -108,6 +108,11 @@ def one_of(*names: str) -> Rule:
     return (lambda value: value in names), f"one of {', '.join(names)}"
 
 
+def _is_range(value: str) -> bool:
+    match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", value)
+    return match is not None and int(match[1]) < int(match[2])
+
+
 def _matching(pattern: str, allowed: str) -> Rule:
     return (lambda value: re.fullmatch(pattern, value) is not None), allowed
 
@@ -195,6 +200,10 @@ _RULES: dict[str, Rule] = {
     "design.steps_per_second": POSITIVE,
     "design.chains": COUNT,
     "design.seed": INDEX,
+    "calibration.frame": one_of("gyro", "accelerometer"),
+    "calibration.prior_factor": POSITIVE,
+    "calibration.rounds": COUNT,
+    "rate_hz": (lambda v: 1.0 <= v <= 10_000.0, "a number from 1 to 10000"),
 }
 
 _OPTIONAL_RULES: dict[str, Rule] = {
@@ -203,6 +212,10 @@ _OPTIONAL_RULES: dict[str, Rule] = {
     "cluster.workers": COUNT,
     "design.cable_limit_deg": POSITIVE,
     "design.start_from": NAME,
+    "runs": (
+        _is_range,
+        "two integers such as 0:128, the first one less",
+    ),
     "cluster.address": (_is_address, "an address such as tcp://127.0.0.1:8786"),
     "cluster.queue": NAME,
     "cluster.cores": COUNT,

@@ -315,13 +315,32 @@ class Design:
 
 
 @dataclass
+class Calibration:
+    """How `pipeline.calibrate` goes about a log.
+
+    Attributes
+    ----------
+    frame : str
+        Body axes of the estimates: ``gyro``, as in campaigns, or ``accelerometer``.
+    prior_factor : float
+        By which the priors of the filter are wider than in campaigns.
+    rounds : int
+        How often the motion is taken from the log.
+    """
+
+    frame: str = MISSING
+    prior_factor: float = MISSING
+    rounds: int = MISSING
+
+
+@dataclass
 class Config:
     """The whole configuration.
 
     Attributes
     ----------
     truth, noise, disturbance, schedule, site, simulation, estimator, sensor, campaign, cluster, \
-bounds, design : object
+bounds, design, calibration : object
         The groups of ``conf/``.
     only_run : int or None
         The one run to compute.
@@ -329,6 +348,12 @@ bounds, design : object
         File a stage writes its result to.
     a, b : str or None
         Stores to compare.
+    log : str or None
+        Header of a log.
+    rate_hz : float
+        Samples a second of an exported log.
+    runs : str or None
+        Runs to export, such as ``0:128``.
     campaigns : list of str or None
         Stores to report on, the main one first.
     growth : float, "bounds" or None
@@ -352,10 +377,14 @@ bounds, design : object
     cluster: Cluster = field(default_factory=Cluster)
     bounds: Bounds = field(default_factory=Bounds)
     design: Design = field(default_factory=Design)
+    calibration: Calibration = field(default_factory=Calibration)
     only_run: int | None = None
     out: str | None = None
     a: str | None = None
     b: str | None = None
+    log: str | None = None
+    rate_hz: float = 100.0
+    runs: str | None = None
     campaigns: list[str] | None = None
     growth: Any = None
     parameter: str | None = None

@@ -196,7 +196,9 @@ def test_single_pass_is_called_what_its_numbers_are(results):
 def test_schedule_verdict_follows_the_simultaneous_intervals(results):
     comparison = results.comparisons["equal_position_time"]
     verdict = findings.contest_verdict(findings.contest(comparison))
-    assert verdict.startswith(f"{comparison['b']} has the smaller errors; {comparison['a']} saves 24 % of the")
+    assert verdict.startswith(
+        f"{comparison['b']} has the smaller errors; {comparison['a']} saves 24 % of the"
+    )
     assert "significantly worse in 27 parameters and better in 0" in verdict
     comparison["parameters"]["accel_k11"] |= {"simultaneous_lower": 0.7, "simultaneous_upper": 0.9}
     mixed = findings.contest(comparison)

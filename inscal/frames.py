@@ -1,0 +1,67 @@
+r"""Estimates in the body frame of the accelerometers instead of the gyros'.
+
+The project's body frame is the gyros': dKg is lower triangular, dKa is full. Others take the
+accelerometers for the frame. What sensors report does not depend on that,
+
+.. math:: w_{rep} = G w - b_g, \quad f_{rep} = A f - b_a - q \cdot f^2 - f_{arms} - d\, w \times f,
+
+with the matrices that map true to reported, here in the gyros' frame, G = (I + dKg)^-1 and
+A = (I + dKa)^-1. With the rotation R that makes :math:`A R^T` lower triangular the other frame has
+the matrices :math:`G R^T` and :math:`A R^T`; biases b = (I + dK)^-1 times the project's, and
+quadratic terms, belong to the sensors and stay. The arms of such a frame are those from the z
+accelerometer, with the sign of the equation above: :math:`f_{arms} = \dot w \times r + w \times
+(w \times r)`, which is what an accelerometer at -r reads beside one in the centre. d is the time by
+which the accelerometers are ahead of the gyros.
+"""
+
+import numpy as np
+
+from inscal.parameters import INDEX, NAMES
+from inscal.sensor import matrices
+
+_AXES = "xyz"
+_GYRO = [f"gyro_k{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)]
+_ACCEL = [f"accel_k{i}{j}" for i in (1, 2, 3) for j in range(1, i + 1)]
+ARMS = ("x", "xy", "xz", "yx", "y", "yz", "zx", "zy", "z")
+"""Ends of the names of nine components of arms, accelerometer by accelerometer."""
+DELAY = "gyro_accel_delay"
+
+
+def in_accelerometer_frame(values: dict[str, float]) -> dict[str, float]:
+    """Estimates in the accelerometers' frame.
+
+    Parameters
+    ----------
+    values : dict of str to float
+        SI, by the names of the 27 parameters and of the augmented states of off-axis arms and of
+        the delay, which may be missing.
+
+    Returns
+    -------
+    dict of str to float
+        Biases, ``gyro_k11`` to ``gyro_k33``, the lower triangle of ``accel_k``, quadratic terms;
+        with off-axis arms the arms of the x and y accelerometers from the z accelerometer; and the
+        delay, if there is one.
+    """
+    vector = np.array([values[name] for name in NAMES])
+    gyro, accel = np.linalg.inv(np.eye(3) + matrices(vector[:, None])[:, 0])
+    turned, upper = np.linalg.qr(accel.T)  # accel @ turned is lower triangular
+    turned = turned * np.sign(np.diag(upper))
+    out = dict(
+        zip([f"gyro_bias_{a}" for a in _AXES], gyro @ vector[INDEX["gyro_bias"]], strict=True)
+    )
+    out |= dict(
+        zip([f"accel_bias_{a}" for a in _AXES], accel @ vector[INDEX["accel_bias"]], strict=True)
+    )
+    of_gyro, of_accel = gyro @ turned - np.eye(3), accel @ turned - np.eye(3)
+    out |= dict(zip(_GYRO, of_gyro.ravel(), strict=True))
+    out |= {name: float(of_accel[int(name[-2]) - 1, int(name[-1]) - 1]) for name in _ACCEL}
+    out |= {f"accel_quadratic_{a}": values[f"accel_quadratic_{a}"] for a in _AXES}
+    arms = [f"lever_arm_{end}" for end in ARMS]
+    if all(name in values for name in arms):
+        nine = np.array([values[name] for name in arms]).reshape(3, 3) @ turned
+        from_z = nine[2] - nine
+        out |= dict(zip(arms[:6], from_z[:2].ravel(), strict=True))
+    if DELAY in values:
+        out[DELAY] = -values[DELAY]
+    return {name: float(value) for name, value in out.items()}

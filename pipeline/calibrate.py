@@ -1,0 +1,46 @@
+"""Stage `calibrate`: estimates of a real unit's errors from the log of its calibration.
+
+Usage: ``python -m pipeline.calibrate log=HEADER.yaml [estimator=...] [noise=...] [out=FILE.json]``
+
+The header says what the columns of a log are; rests and turns are found in the data, no schedule is
+needed. Prints the estimates with their sigmas and what the log does not give; with ``out`` writes
+them to FILE, with a page and a compensation file beside it.
+
+For example::
+
+    python -m pipeline.calibrate log=mine.yaml estimator=states43 noise=quiet
+    python -m pipeline.calibrate log=mine.yaml calibration.frame=accelerometer out=mine.json
+
+Reads: noise estimator sensor calibration log out.
+"""
+
+from pathlib import Path
+
+from pipeline.config.schema import Config
+from pipeline.config.stage import stage
+from pipeline.console.errors import ConfigError
+from pipeline.console.output import write_found, write_text
+from pipeline.console.terminal import show_rows
+from pipeline.logs.calibration import calibrated, compensation, content, page, rows, summary
+
+
+@stage
+def main(config: Config) -> None:
+    """Calibrate, print and write."""
+    if config.log is None:
+        raise ConfigError("log = null: must be the path of a log's header")
+    if config.out and Path(config.out).suffix != ".json":
+        raise ConfigError(f"out = {config.out!r}: must be a JSON file; the page goes beside it")
+    found = calibrated(config)
+    headings = ("parameter", "unit"), ("estimate", "sigma")
+    show_rows(f"{found.header.data[0]}, axes: {config.calibration.frame}", *headings, rows(found))
+    about = summary(found)
+    print(f"rests: {about['dwells']}, passes: {about['passes']}")
+    print(f"innovations squared over expected: {about['innovation_ratio']:.3g}")
+    if config.out:
+        write_text(Path(config.out).with_suffix(".yaml"), compensation(found))
+        write_found(config.out, content(found), page(found, config))
+
+
+if __name__ == "__main__":
+    main()

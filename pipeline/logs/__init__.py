@@ -1,0 +1,1 @@
+"""Recorded data: headers, readers of formats, and what of them is refused."""

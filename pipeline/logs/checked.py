@@ -1,0 +1,191 @@
+"""Logs as increments in body axes, and what of them cannot be believed."""
+
+import numpy as np
+
+from inscal import earth
+from inscal.motion import Site
+from inscal.recorded import Increments, Stretch, stretches
+from inscal.units import DEGREE
+from pipeline.console.errors import DataError
+from pipeline.logs.header import Header
+from pipeline.logs.readers import Rows, read_rows
+
+_DIGITS = 8  # of an interval that times of single precision give
+_LATE = 0.5  # of an interval: a time that far from its place is wrong
+_FORCE = 0.05  # of gravity: accelerometers at rest read no more beside it
+_TURN = 3.0 * DEGREE  # by which the turns of gyros and of gravity may differ
+_FASTEST = 20.0  # rad/s: no table turns so fast
+_STUCK = 20  # samples of the same largest value: no noise gives that
+_SUDDEN = 1e-3  # of a value: a steady turn without noise is come to smoothly
+_SPIN = 0.25  # of the Earth's rate: gyros that read it this well know the latitude
+_LATITUDE = 3.0 * DEGREE
+
+
+def read_increments(about: Header) -> Increments:
+    """Read a log.
+
+    Parameters
+    ----------
+    about : Header
+
+    Returns
+    -------
+    Increments
+
+    Raises
+    ------
+    DataError
+        If rows are missing, out of order, not finite or saturated.
+    """
+    rows = read_rows(about)
+    name = about.data[0]
+    if len(rows.time) < 10:
+        raise DataError(f"{name}: {len(rows.time)} rows are no log")
+    _refuse_bad_numbers(name, rows)
+    interval = 1.0 / about.rate_hz if about.rate_hz else float(np.median(np.diff(rows.time)))
+    _refuse_bad_times(name, rows.time, interval)
+    if about.rate_hz is None:  # steps of times are rounded, their sum is not
+        mean = float(rows.time[-1] - rows.time[0]) / (len(rows.time) - 1)
+        interval = float(f"{mean:.{_DIGITS}g}")
+    _refuse_stuck(name, rows)
+    turned = about.rotation
+    gyro = rows.gyro @ turned.T * about.gyro_unit_si
+    accel = rows.accel @ turned.T * about.accel_unit_si
+    return Increments(
+        interval,
+        gyro if about.gyro_increments else gyro * interval,
+        accel if about.accel_increments else accel * interval,
+    )
+
+
+def _where(row: int, time: np.ndarray) -> str:
+    return f"row {row + 1}, {time[row]:.6g} s"
+
+
+def _refuse_bad_numbers(name: str, rows: Rows) -> None:
+    every = np.column_stack([rows.time, rows.gyro, rows.accel])
+    bad = ~np.isfinite(every)
+    if bad.any():
+        row = int(np.flatnonzero(bad.any(axis=1))[0])
+        what = "time" if bad[row, 0] else "gyros" if bad[row, 1:4].any() else "accelerometers"
+        raise DataError(f"{name}: row {row + 1}: {what}: not finite")
+
+
+def _refuse_bad_times(name: str, time: np.ndarray, interval: float) -> None:
+    if not interval > 0.0:
+        raise DataError(f"{name}: times do not rise")
+    step = np.diff(time)
+    for wrong, said in (
+        (step < 0.0, "time goes back by {:.6g} s"),
+        (step == 0.0, "time is that of the row before"),
+        (step > (1.0 + _LATE) * interval, "{:.6g} s after the row before: rows are missing"),
+        (step < (1.0 - _LATE) * interval, "only {:.6g} s after the row before"),
+    ):
+        if wrong.any():
+            row = int(np.flatnonzero(wrong)[0]) + 1
+            text = said.format(abs(step[row - 1]))
+            raise DataError(f"{name}: {_where(row, time)}: {text}; an interval is {interval:g} s")
+
+
+def _refuse_stuck(name: str, rows: Rows) -> None:
+    """A sensor at the end of its range repeats its largest number, and comes there at once."""
+    for sensor, values in (("gyro", rows.gyro), ("accelerometer", rows.accel)):
+        for axis, column in zip("xyz", np.abs(values).T, strict=True):
+            top = column == column.max()
+            edges = np.flatnonzero(np.diff(top, prepend=False, append=False)).reshape(-1, 2)
+            for first, end in edges[np.diff(edges).ravel() >= _STUCK]:
+                if first and column[first] - column[first - 1] > _SUDDEN * column[first]:
+                    raise DataError(
+                        f"{name}: {_where(first, rows.time)}: {sensor} {axis} is saturated: it "
+                        f"stays at {column[first]:.6g}, its largest number, for {end - first} rows"
+                    )
+
+
+def rests_and_turns(name: str, record: Increments, site: Site) -> list[Stretch]:
+    """Rests and turns of a log whose units, axes and site are believable.
+
+    Parameters
+    ----------
+    name : str
+        Of the log, for messages.
+    record : Increments
+    site : Site
+
+    Returns
+    -------
+    list of Stretch
+
+    Raises
+    ------
+    DataError
+        If the numbers contradict gravity, each other, or the site.
+    """
+    fastest = np.abs(record.angle).max() / record.interval
+    if fastest > _FASTEST:
+        row = int(np.argmax(np.abs(record.angle).max(axis=1)))
+        raise DataError(
+            f"{name}: row {row + 1}, {row * record.interval:.6g} s: a rate of {fastest:.3g} rad/s: "
+            "must be below 20; is gyro_unit right?"
+        )
+    try:
+        parts = stretches(record)
+    except ValueError as error:
+        raise DataError(f"{name}: {error}") from None
+    rests = [part for part in parts if not part.turns]
+    _refuse_wrong_gravity(name, record, rests, site)
+    _refuse_wrong_turns(name, record, parts)
+    _refuse_wrong_site(name, record, rests[0], site)
+    return parts
+
+
+def _force(record: Increments, part: Stretch) -> np.ndarray:
+    return np.asarray(record.velocity[part.first : part.end].mean(axis=0) / record.interval)
+
+
+def _refuse_wrong_gravity(name: str, record: Increments, rests: list[Stretch], site: Site) -> None:
+    gravity = float(earth.gravity_ned(site.latitude, site.height)[2])
+    for part in rests:
+        force = np.linalg.norm(_force(record, part))
+        if abs(force / gravity - 1.0) > _FORCE:
+            raise DataError(
+                f"{name}: row {part.first + 1}, {part.first * record.interval:.6g} s: at rest "
+                f"accelerometers read {force:.4g} m/s^2, gravity is {gravity:.4g}: is accel_unit "
+                "or accel_scale right?"
+            )
+
+
+def _refuse_wrong_turns(name: str, record: Increments, parts: list[Stretch]) -> None:
+    """Gyros must see the turns that gravity makes in the body."""
+    for before, turn, after in zip(parts[:-2], parts[1:-1], parts[2:], strict=True):
+        if not turn.turns or before.turns or after.turns:
+            continue
+        down = [-_force(record, part) for part in (before, after)]
+        down = [one / np.linalg.norm(one) for one in down]
+        carried = down[0].tolist()
+        for a, b, c in record.angle[turn.first : turn.end].tolist():  # small: right to seconds
+            x, y, z = carried
+            carried = [x - b * z + c * y, y - c * x + a * z, z - a * y + b * x]
+        carried = np.array(carried) / np.linalg.norm(carried)
+        off = float(np.arccos(np.clip(carried @ down[1], -1.0, 1.0)))
+        if off > _TURN:
+            raise DataError(
+                f"{name}: row {turn.first + 1}, {turn.first * record.interval:.6g} s: after this "
+                f"turn gravity is {np.rad2deg(off):.3g} deg from where the gyros say: are units, "
+                "columns, signs and axes right, and right-handed?"
+            )
+
+
+def _refuse_wrong_site(name: str, record: Increments, rest: Stretch, site: Site) -> None:
+    """Gyros that see the Earth's rate know the latitude."""
+    spin = record.angle[rest.first : rest.end].mean(axis=0) / record.interval
+    down = -_force(record, rest)
+    size = np.linalg.norm(spin)
+    if abs(size / earth.EARTH_RATE - 1.0) > _SPIN:
+        return
+    found = float(np.arcsin(np.clip(-spin @ down / np.linalg.norm(down) / size, -1.0, 1.0)))
+    if abs(found - site.latitude) > _LATITUDE:
+        raise DataError(
+            f"{name}: row 1, 0 s: the gyros see the Earth's rate of latitude "
+            f"{np.rad2deg(found):.1f} deg, the header's latitude_deg is "
+            f"{np.rad2deg(site.latitude):g}"
+        )

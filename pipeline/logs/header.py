@@ -1,0 +1,185 @@
+"""The header of a log: a YAML file that says what its columns are."""
+
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from inscal import units
+from pipeline.console.errors import DataError
+
+FORMATS = ("table", "psins_bin", "psins_imu", "counts")
+"""Readable formats, of `pipeline.logs.readers`."""
+OBSERVATIONS = ("position_velocity", "velocity_at_rest")
+"""What of the unit's place is known: where it is at all times, or that it does not move at rest."""
+GYRO_UNITS = {
+    "rad": 1.0,
+    "deg": units.DEGREE,
+    "arcsec": units.ARCSEC,
+    "rad/s": 1.0,
+    "deg/s": units.DEGREE,
+    "deg/h": units.DEG_PER_HOUR,
+}
+ACCEL_UNITS = {
+    "m/s": 1.0,
+    "m/s^2": 1.0,
+    "g": units.STANDARD_GRAVITY,
+    "mg": 1e-3 * units.STANDARD_GRAVITY,
+    "ug": units.MICRO_G,
+}
+TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+_INCREMENTS = ("rad", "deg", "arcsec", "m/s")
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a log's columns are.
+
+    Attributes
+    ----------
+    data : list of str
+        Files, relative to the header; of format ``counts`` that of the accelerometers first.
+    format : str
+        One of `FORMATS`.
+    latitude_deg, height_m : float
+        Of the site.
+    gyro_unit, accel_unit : str
+        Keys of `GYRO_UNITS` and `ACCEL_UNITS`; those without a time are increments.
+    gyro_columns, accel_columns : list of str
+        Of a table.
+    time_column, time_unit : str
+    gyro_scale, accel_scale : float
+        Units per number in the file, of counts say.
+    axes : list of str
+        Body axes x, y, z in the file's: such as ``[y, -x, z]``. Right-handed.
+    rate_hz : float or None
+        Samples a second; None: as the times say.
+    observation : str
+        One of `OBSERVATIONS`.
+    schedule : str or None
+        Name of the schedule that it should show.
+    """
+
+    data: list[str]
+    format: str
+    latitude_deg: float
+    height_m: float = 0.0
+    gyro_unit: str = "rad"
+    accel_unit: str = "m/s"
+    gyro_columns: list[str] = field(default_factory=lambda: ["gyro_x", "gyro_y", "gyro_z"])
+    accel_columns: list[str] = field(default_factory=lambda: ["accel_x", "accel_y", "accel_z"])
+    time_column: str = "time"
+    time_unit: str = "s"
+    gyro_scale: float = 1.0
+    accel_scale: float = 1.0
+    axes: list[str] = field(default_factory=lambda: ["x", "y", "z"])
+    rate_hz: float | None = None
+    observation: str = "position_velocity"
+    schedule: str | None = None
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """Body axes from the file's, shape (3, 3)."""
+        out = np.zeros((3, 3))
+        for row, axis in enumerate(self.axes):
+            out[row, "xyz".index(axis[-1])] = -1.0 if axis.startswith("-") else 1.0
+        return out
+
+    @property
+    def gyro_unit_si(self) -> float:
+        """Rad or rad/s of one number in the file."""
+        return self.gyro_scale * GYRO_UNITS[self.gyro_unit]
+
+    @property
+    def accel_unit_si(self) -> float:
+        """m/s or m/s^2 of one number in the file."""
+        return self.accel_scale * ACCEL_UNITS[self.accel_unit]
+
+    @property
+    def gyro_increments(self) -> bool:
+        """Whether gyros report angles, and not rates."""
+        return self.gyro_unit in _INCREMENTS
+
+    @property
+    def accel_increments(self) -> bool:
+        """Whether accelerometers report velocities, and not specific forces."""
+        return self.accel_unit in _INCREMENTS
+
+
+def read_header(path: str | Path) -> Header:
+    """Read a header.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of the YAML file.
+
+    Returns
+    -------
+    Header
+        Paths of its data are made relative to the working folder.
+
+    Raises
+    ------
+    DataError
+        If it cannot be read, or says something that is not allowed.
+    """
+    file = Path(path)
+    try:
+        found = yaml.safe_load(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise DataError(f"log = {path}: not found") from None
+    except (OSError, UnicodeError, yaml.YAMLError):
+        raise DataError(f"log = {path}: must be the YAML header of a log") from None
+    if not isinstance(found, dict):
+        raise DataError(f"log = {path}: must be the YAML header of a log, key: value")
+    known = {about.name for about in fields(Header)}
+    for key in found:
+        if key not in known:
+            raise DataError(f"{path}: {key}: no key of a header; {', '.join(sorted(known))} are")
+    for key in ("data", "format", "latitude_deg"):
+        if key not in found:
+            raise DataError(f"{path}: {key}: missing")
+    data = found["data"] if isinstance(found["data"], list) else [found["data"]]
+    about = Header(**{**found, "data": [str(file.parent / str(name)) for name in data]})
+    _check(path, about)
+    return about
+
+
+def _check(path: str | Path, about: Header) -> None:
+    def refuse(key: str, allowed: str) -> None:
+        raise DataError(f"{path}: {key} = {getattr(about, key)!r}: must be {allowed}")
+
+    choices: dict[str, Any] = {
+        "format": FORMATS,
+        "observation": OBSERVATIONS,
+        "gyro_unit": tuple(GYRO_UNITS),
+        "accel_unit": tuple(ACCEL_UNITS),
+        "time_unit": tuple(TIME_UNITS),
+    }
+    for key, allowed in choices.items():
+        if getattr(about, key) not in allowed:
+            refuse(key, f"one of {', '.join(allowed)}")
+    for key in ("latitude_deg", "height_m", "gyro_scale", "accel_scale", "rate_hz"):
+        value = getattr(about, key)
+        if value is None and key == "rate_hz":
+            continue
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            refuse(key, "a number")
+    if abs(about.latitude_deg) > 89.9:
+        refuse("latitude_deg", "from -89.9 to 89.9")
+    for key in ("gyro_scale", "accel_scale", "rate_hz"):
+        if getattr(about, key) is not None and not getattr(about, key) > 0.0:
+            refuse(key, "above zero")
+    for key in ("gyro_columns", "accel_columns", "axes"):
+        value = getattr(about, key)
+        if not isinstance(value, list) or len(value) != 3 or len({str(v) for v in value}) != 3:
+            refuse(key, "a list of three")
+    if any(axis not in ("x", "y", "z", "-x", "-y", "-z") for axis in about.axes):
+        refuse("axes", "three of x, y, z, -x, -y, -z")
+    if not np.isclose(np.linalg.det(about.rotation), 1.0):
+        refuse("axes", "right-handed, such as [x, y, z] or [y, -x, z]")
+    if len(about.data) != (2 if about.format == "counts" else 1):
+        refuse("data", "two files of counts, or one of any other format")
