@@ -11,7 +11,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("inscal", "pipeline")
 ROOMS = (
-    *("words", "console", "config", "campaign", "study", "gate", "proof", "charts", "page"),
+    *("words", "console", "config", "logs", "campaign", "study", "gate", "proof", "charts", "page"),
     "paper",
 )
 """Rooms of ``pipeline/`` from the lowest up: a room imports those before it and the library."""

@@ -86,7 +86,7 @@ def test_every_setting_is_known_to_matter_or_not():
     }
     groups = {key: value for key, value in settings.items() if isinstance(value, dict)}
     keys = {f"{group}.{key}" for group, values in groups.items() for key in values}
-    aside = ("cluster.", "bounds.", "design.")
+    aside = ("cluster.", "bounds.", "design.", "calibration.")
     keys -= {key for key in keys if key.startswith(aside)}
     keys -= {
         f"campaign.{key}" for key in ("batch", "store", "replace", "precision", "max_failed_share")
@@ -102,6 +102,9 @@ def test_every_setting_is_known_to_matter_or_not():
         "accept",
         "growth",
         "parameter",
+        "log",
+        "rate_hz",
+        "runs",
     }
 
 

@@ -20,7 +20,7 @@ BAD = [
     (["truth=gauss"], "truth = gauss: must be one of dispersed, paper, uniform"),
     (
         ["schedule=position26"],
-        "schedule = position26: must be one of position19, position19_equal_time, position25",
+        "schedule = position26: must be one of designed25, designed25_9000, designed25_quiet",
     ),
     (["cluster=cloud"], "cluster = cloud: must be one of processes, scheduler, slurm, threads"),
     (["noise.nam=x"], "noise.nam: unknown key; must be one of name, gyro_angle_random_walk"),
