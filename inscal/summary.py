@@ -63,8 +63,9 @@ def summarize(campaign: xr.Dataset, bound: xr.DataArray) -> xr.Dataset:
 
         Scalars: runs_done, runs_failed; joint_share (_lower, _upper), of the runs done or failed,
         with every parameter within its bound, a failed run being within none; nees_mean, and
-        nees_lower and nees_upper between which it lies if the filter is consistent; precision, the
-        worst relative half-width of the RMSE intervals, and least_precise, the parameter it is of.
+        nees_lower and nees_upper between which it lies if the filter is consistent, all NaN where
+        it models nothing; precision, the worst relative half-width of the RMSE intervals, and
+        least_precise, the parameter it is of.
 
         With one run done whatever needs a scatter is NaN; so is, of a parameter the filter does
         not model, whatever compares with its predicted standard deviation.
@@ -343,10 +344,10 @@ def _bound_columns(error: np.ndarray, limit: np.ndarray, failed: int) -> dict[st
 
 
 def _nees_scalars(nees: np.ndarray, dof: int) -> dict[str, xr.Variable]:
-    lower, upper = statistics.nees_interval(len(nees), dof, CONFIDENCE)
+    lower, upper = statistics.nees_interval(len(nees), dof, CONFIDENCE) if dof else (np.nan,) * 2
     expected = f"95 % limit of the mean NEES of a consistent filter, {dof} degrees of freedom"
     return {
-        "nees_mean": _variable(nees.mean(), "mean NEES", "1"),
+        "nees_mean": _variable(nees.mean() if dof else np.nan, "mean NEES", "1"),
         "nees_lower": _variable(lower, f"lower {expected}", "1"),
         "nees_upper": _variable(upper, f"upper {expected}", "1"),
     }

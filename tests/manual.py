@@ -325,7 +325,9 @@ RULES: dict[str, Rule] = {
     "campaign as written": Rule(lambda c: simulates(c, least=0, most=LARGEST), as_written),
     "campaign, fewer runs": Rule(lambda c: simulates(c, least=LARGEST + 1, most=10**9), small),
     "stage as written": Rule(
-        stage("predict|design|export|calibrate|budget|observe|summarize|compare|consistency|regress|report"),
+        stage(
+            "predict|design|export|calibrate|judge|budget|observe|summarize|compare|consistency|regress|report"
+        ),
         as_written,
     ),
     "example as written": Rule(re.compile(r"python examples/\w+\.py( .*)?").fullmatch, as_written),

@@ -47,14 +47,14 @@ def frontier(found: Mapping[str, Any]) -> Figure:
     right.set_yscale("log")
     right.axhline(1.0 / 3.0, color=style.LIMIT_COLOR, linewidth=0.6)
     right.set_title("largest sigma over bound (line: a third)")
-    ticks = (0.1, 0.2, 0.3, 0.5, 0.8)
+    ticks = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0)
     right.yaxis.set_major_locator(FixedLocator(ticks))
     right.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     right.yaxis.set_minor_locator(NullLocator())
     for axes in (left, right):
         _time_axis(axes)
     noises = dict.fromkeys(point["noise"] for point in found["points"])
-    handles = [style.handle(f"{n} noise", color=style.NOISE_COLORS[n]) for n in noises]
+    handles = [style.handle(f"noise: {n}", color=style.NOISE_COLORS[n]) for n in noises]
     handles += [
         style.handle(path, color=style.SCHEDULE_COLOR, linestyle=look, marker=marker)
         for path, look, marker in zip(paths, _LOOKS, _MARKERS, strict=True)
@@ -85,7 +85,7 @@ def _lines(axes: Axes, found: Mapping[str, Any], key: str, change: Any) -> None:
 
 def _time_axis(axes: Axes) -> None:
     axes.set_xscale("log")
-    ticks = (1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000)
+    ticks = [3600.0 * hours for hours in (0.25, 0.5, 1, 2, 3, 5, 8, 12, 24)]
     axes.xaxis.set_major_locator(FixedLocator(ticks))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value / 3600:.2g} h"))
     axes.xaxis.set_minor_locator(NullLocator())

@@ -348,6 +348,8 @@ bounds, design, calibration : object
         File a stage writes its result to.
     a, b : str or None
         Stores to compare.
+    estimates, mapping : str or None
+        Table of another program's estimates, and what its columns are.
     log : str or None
         Header of a log.
     rate_hz : float
@@ -382,6 +384,8 @@ bounds, design, calibration : object
     out: str | None = None
     a: str | None = None
     b: str | None = None
+    estimates: str | None = None
+    mapping: str | None = None
     log: str | None = None
     rate_hz: float = 100.0
     runs: str | None = None

@@ -17,6 +17,7 @@ from pipeline.words.render import render
 
 _TEMPLATES = Path(__file__).parent / "templates"
 DESIGNED = "designed"
+_FEWEST = 8  # positions as long as the longest that would fill a path
 _KEYS = ("joint_share", "joint_share_lower", "joint_share_upper", "runs_done")
 
 
@@ -38,9 +39,10 @@ def content(config: Config) -> dict[str, Any]:
     for level, of_level in about["levels"].items():
         noise = load([f"noise={level}"]).noise
         for total in of_level["times_s"]:
-            made = replace(
-                config, noise=noise, design=replace(config.design, total_time_s=float(total))
-            )
+            # as long as any position of a path that is stretched to that time
+            longest = max(config.design.longest_position_s, float(total // _FEWEST))
+            design = replace(config.design, total_time_s=float(total), longest_position_s=longest)
+            made = replace(config, noise=noise, design=design)
             points += _points(made, about, of_level["start_from"])
     return {
         "inherited": about["inherited"],

@@ -102,6 +102,8 @@ def test_every_setting_is_known_to_matter_or_not():
         "accept",
         "growth",
         "parameter",
+        "estimates",
+        "mapping",
         "log",
         "rate_hz",
         "runs",
