@@ -36,9 +36,7 @@ def draw_all(config: Config) -> dict[str, Figure]:
     noises = {level.configuration["noise"]["name"]: level for level in levels.values()}
     reference = levels[names.MAIN]
     passes = {1: campaign.read(config, names.RUNS / names.ONE_PASS), 2: reference}
-    comparisons = {
-        title: findings.read_comparison(name) for name, title in names.COMPARISONS.items()
-    }
+    comparisons = {title: findings.read_comparison(name) for name, title in names.DRAWN.items()}
     noise = reference.configuration["noise"]
     return {
         "errors_against_bounds.png": plots.errors_against_bounds(noises),

@@ -44,5 +44,8 @@ COMPARISONS: Mapping[str, str] = {
 }
 """Comparisons reported on, and their headings."""
 
+DRAWN: Mapping[str, str] = {name: COMPARISONS[name] for name in study()["drawn"]}
+"""Those in the figure of schedules."""
+
 ASSUMPTIONS: Mapping[str, Sequence[str]] = study()["assumptions"]
 """What results assume, in words, and the keys of the disturbances that take it away."""
