@@ -24,7 +24,7 @@ from inscal.augmented_transitions import AugmentedTransitions
 from inscal.disturbance import Disturbance
 from inscal.parameters import Augmentation
 from inscal.path import Path
-from inscal.response import response
+from inscal.response import Response, response
 from inscal.state_model import StateModel
 from inscal.unit_effects import bias, effect
 from inscal.wander import discrete, terms_of
@@ -61,7 +61,11 @@ class Augmented:
 
 
 def augment(
-    model: StateModel, believed: Disturbance, path: Path, update_interval: float
+    model: StateModel,
+    believed: Disturbance,
+    path: Path,
+    update_interval: float,
+    made: Response | None = None,
 ) -> Augmented | None:
     """Prepare the augmented states of a filter.
 
@@ -73,6 +77,8 @@ def augment(
     path : Path
     update_interval : float
         s.
+    made : Response, optional
+        Of the path, where it is there already.
 
     Returns
     -------
@@ -87,7 +93,7 @@ def augment(
     groups = model.augmentations
     if not groups:
         return None
-    made = response(path, update_interval)
+    made = made or response(path, update_interval)
     rows, std, moving = [], [], []
     for name, about in groups.items():
         size = getattr(believed, about.source)

@@ -39,3 +39,8 @@ class AugmentedTransitions:
     def constants(self) -> int:
         """Number of those that do not."""
         return len(self.std) - len(self.decay)
+
+    @property
+    def constant_std(self) -> np.ndarray:
+        """Standard deviations of those that do not, SI, shape (constants,)."""
+        return self.std[: self.constants]

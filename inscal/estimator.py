@@ -272,7 +272,7 @@ def estimator_of(
 def initial_constants(transitions: Transitions, std: InitialStd) -> np.ndarray:
     """Standard deviations of all constants at the start, shape (c,)."""
     about = transitions.augmented
-    further = np.zeros(0) if about is None else about.std[: about.constants]
+    further = np.zeros(0) if about is None else about.constant_std
     return np.concatenate([std.parameter, std.attitude, further])
 
 

@@ -47,12 +47,10 @@ def in_accelerometer_frame(values: dict[str, float]) -> dict[str, float]:
     gyro, accel = np.linalg.inv(np.eye(3) + matrices(vector[:, None])[:, 0])
     turned, upper = np.linalg.qr(accel.T)  # accel @ turned is lower triangular
     turned = turned * np.sign(np.diag(upper))
-    out = dict(
-        zip([f"gyro_bias_{a}" for a in _AXES], gyro @ vector[INDEX["gyro_bias"]], strict=True)
-    )
-    out |= dict(
-        zip([f"accel_bias_{a}" for a in _AXES], accel @ vector[INDEX["accel_bias"]], strict=True)
-    )
+    out: dict[str, float] = {}
+    for kind, matrix in (("gyro_bias", gyro), ("accel_bias", accel)):
+        bias = matrix @ vector[INDEX[kind]]
+        out |= {f"{kind}_{axis}": value for axis, value in zip(_AXES, bias, strict=True)}
     of_gyro, of_accel = gyro @ turned - np.eye(3), accel @ turned - np.eye(3)
     out |= dict(zip(_GYRO, of_gyro.ravel(), strict=True))
     out |= {name: float(of_accel[int(name[-2]) - 1, int(name[-1]) - 1]) for name in _ACCEL}

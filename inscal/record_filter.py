@@ -2,8 +2,8 @@
 
 Gains, passes and the compiled loop are those of simulated campaigns. What differs is where the
 motion comes from (`inscal.recorded`): its linear model is taken step by step from the response of
-navigation to apparent increments, and is made anew from compensated increments until that changes
-nothing. All lanes of the loop hold the same record.
+navigation to apparent increments, and is made anew from compensated increments, some rounds. All
+lanes of the loop hold the same record.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from scipy.linalg import expm
 
 from inscal import sensor
 from inscal.augmentation import augment
-from inscal.calibrator import Calibration, History, calibrate, empty_history
+from inscal.calibrator import Calibration, calibrate
 from inscal.estimator import Belief, Estimator, estimator_of
 from inscal.kernel import LANES
 from inscal.motion import Site, motion_of
@@ -27,7 +27,7 @@ from inscal.recorded import (
     aligned,
     steps_of_record,
 )
-from inscal.response import response
+from inscal.response import Response, response
 from inscal.state_model import (
     StateModel,
     Transitions,
@@ -51,17 +51,14 @@ class Outcome:
         Its covariance is that of the estimates.
     path : Path
         As the record shows it.
-    parts : list of Stretch
+    parts : sequence of Stretch
         Rests and turns.
-    history : History
-        Course of the passes.
     """
 
     calibration: Calibration
     estimator: Estimator
     path: Path
-    parts: list[Stretch]
-    history: History
+    parts: Sequence[Stretch]
 
     @property
     def estimate(self) -> np.ndarray:
@@ -74,13 +71,15 @@ class Outcome:
         return self.calibration.augmented[:, 0]
 
 
-def transitions_of_path(path: Path, belief: Belief) -> Transitions:
+def transitions_of_path(path: Path, belief: Belief, made: Response) -> Transitions:
     """Linear model of a path in steps, about the motion that it has.
 
     Parameters
     ----------
     path : Path
     belief : Belief
+    made : Response
+        Of the path.
 
     Returns
     -------
@@ -88,7 +87,6 @@ def transitions_of_path(path: Path, belief: Belief) -> Transitions:
         Of the belief's model, without augmented states.
     """
     dynamics, interval = navigation_dynamics(path.site), belief.update_interval
-    made = response(path, interval)
     columns = made.by_update(parameter_increments(path, belief.model))
     return Transitions(
         navigation=expm(dynamics * interval),
@@ -119,7 +117,7 @@ def calibrate_record(
     rounds: int = 3,
     at_rest: bool = False,
 ) -> Outcome:
-    """Calibrate a unit that stayed at one place, at known position and without velocity.
+    """Calibrate a unit that stayed at one place.
 
     Parameters
     ----------
@@ -167,29 +165,22 @@ def _calibrate(
     belief: Belief,
     at_rest: bool,
 ) -> Outcome:
-    augmented = augment(belief.model, belief.augmented, path, belief.update_interval)
+    made = response(path, belief.update_interval)
+    augmented = augment(belief.model, belief.augmented, path, belief.update_interval, made)
     observed = _at_rest(path, belief) if at_rest else None
-    estimator = estimator_of(transitions_of_path(path, belief), belief, augmented, observed)
+    estimator = estimator_of(transitions_of_path(path, belief, made), belief, augmented, observed)
     reported = np.concatenate(
         [np.add.reduceat(x, first, axis=0) for x in (record.angle, record.velocity)], axis=1
     )
-    updates = path.motion.update_step.size - 1
-    attitude = path.steps.attitude[0]
     lanes = Record(
         sensors=_lanes(reported),
-        observations=np.zeros((updates, OBSERVED, LANES)),
-        attitude=_lanes(attitude),
+        observations=np.zeros((path.motion.updates, OBSERVED, LANES)),
+        attitude=_lanes(path.steps.attitude[0]),
         velocity=np.zeros((3, LANES)),
         position=np.zeros((3, LANES)),
     )
-    history = empty_history(belief.passes, updates)
-    return Outcome(
-        calibrate(lanes, path.motion, path.site, estimator, history=history),
-        estimator,
-        path,
-        list(parts),
-        history,
-    )
+    found = calibrate(lanes, path.motion, path.site, estimator)
+    return Outcome(found, estimator, path, parts)
 
 
 def _at_rest(path: Path, belief: Belief) -> np.ndarray:

@@ -208,25 +208,13 @@ def _joint(
     a: xr.Dataset, b: xr.Dataset, bound: xr.DataArray, confidence: float
 ) -> dict[str, xr.Variable]:
     """Shares of runs that keep all bounds, paired."""
-    kept = []
-    for campaign in (a, b):
-        made = campaign.isel(run=np.isin(campaign["status"], (DONE, FAILED)))
-        limit = _bound_in_order(bound, made)
-        error = made["error"].transpose("run", "parameter").to_numpy()
-        is_done = (made["status"] == DONE).to_numpy()
-        kept.append(
-            dict(
-                zip(
-                    made["run"].to_numpy(),
-                    is_done & (np.abs(error) <= limit).all(axis=1),
-                    strict=True,
-                )
-            )
-        )
-    runs = sorted(kept[0].keys() & kept[1].keys())
-    found = comparison_statistics.share_difference(
-        [kept[0][run] for run in runs], [kept[1][run] for run in runs], confidence
-    )
+    made = [one["run"][np.isin(one["status"], (DONE, FAILED))].to_numpy() for one in (a, b)]
+    runs, kept = np.intersect1d(made[0], made[1]), []
+    for campaign in (a.sel(run=runs), b.sel(run=runs)):
+        error = campaign["error"].transpose("run", "parameter").to_numpy()
+        within = (np.abs(error) <= _bound_in_order(bound, campaign)).all(axis=1)
+        kept.append((campaign["status"] == DONE).to_numpy() & within)
+    found = comparison_statistics.share_difference(kept[0], kept[1], confidence)
     says = {
         "joint_share_a": (found.a, "share of runs of a that keep all bounds"),
         "joint_share_b": (found.b, "share of runs of b that keep all bounds"),

@@ -28,8 +28,7 @@ from pipeline.charts.budget import contributions, mosaic, over_time
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
-from pipeline.console.errors import ConfigError
-from pipeline.console.output import write_json, write_text
+from pipeline.console.output import refuse_other_ending, write_json, write_text
 from pipeline.console.terminal import new_table, show
 from pipeline.study.budget import Sheet, checkpoints, sheet
 from pipeline.study.budget_page import csv, page, sensitivities, shares, tolerances, traces
@@ -62,8 +61,7 @@ def _show_tolerances(found: Sheet) -> None:
 @stage
 def main(config: Config) -> None:
     """Print the budget and the tolerances; write all of it where `out` says."""
-    if config.out and Path(config.out).suffix != ".json":
-        raise ConfigError(f"out = {config.out!r}: must be a JSON file; the page goes beside it")
+    refuse_other_ending(config.out, ".json", "the page")
     found = sheet(Setup(config))
     _show_parameters(found)
     if found.size:

@@ -19,9 +19,9 @@ from pathlib import Path
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
-from pipeline.console.output import write_found, write_text
+from pipeline.console.output import refuse_other_ending, write_found, write_text
 from pipeline.console.terminal import show_rows
-from pipeline.logs.calibration import calibrated, compensation, content, page, rows, summary
+from pipeline.logs.calibration import calibrated, compensation, content, page, rows
 
 
 @stage
@@ -29,17 +29,16 @@ def main(config: Config) -> None:
     """Calibrate, print and write."""
     if config.log is None:
         raise ConfigError("log = null: must be the path of a log's header")
-    if config.out and Path(config.out).suffix != ".json":
-        raise ConfigError(f"out = {config.out!r}: must be a JSON file; the page goes beside it")
+    refuse_other_ending(config.out, ".json", "the page")
     found = calibrated(config)
     headings = ("parameter", "unit"), ("estimate", "sigma")
     show_rows(f"{found.header.data[0]}, axes: {config.calibration.frame}", *headings, rows(found))
-    about = summary(found)
+    about = content(found)
     print(f"rests: {about['dwells']}, passes: {about['passes']}")
     print(f"innovations squared over expected: {about['innovation_ratio']:.3g}")
     if config.out:
         write_text(Path(config.out).with_suffix(".yaml"), compensation(found))
-        write_found(config.out, content(found), page(found, config))
+        write_found(config.out, about, page(found, config))
 
 
 if __name__ == "__main__":

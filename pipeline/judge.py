@@ -13,12 +13,10 @@ For example::
 Reads: estimates mapping campaign.store bounds out.
 """
 
-from pathlib import Path
-
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
-from pipeline.console.output import write_found
+from pipeline.console.output import refuse_other_ending, write_found
 from pipeline.console.terminal import say, show_rows
 from pipeline.study.findings import contest, contest_verdict, joint_text
 from pipeline.study.others import HEADINGS, content, judge, page, rows
@@ -29,8 +27,7 @@ def main(config: Config) -> None:
     """Judge, print and write."""
     if config.estimates is None:
         raise ConfigError("estimates = null: must be the path of a table of estimates")
-    if config.out and Path(config.out).suffix != ".json":
-        raise ConfigError(f"out = {config.out!r}: must be a JSON file; the page goes beside it")
+    refuse_other_ending(config.out, ".json", "the page")
     found = judge(config)
     show_rows(str(config.estimates), HEADINGS[:2], HEADINGS[2:6], [r[:6] for r in rows(found)])
     print(f"all within bounds at once: {joint_text(found.summary)} of runs")

@@ -21,8 +21,7 @@ from pipeline.charts.observability import sigma_heat_map
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
-from pipeline.console.errors import ConfigError
-from pipeline.console.output import complain, write_text
+from pipeline.console.output import complain, refuse_other_ending, write_text
 from pipeline.console.terminal import new_table, say, show, show_rows
 from pipeline.study import unseen
 from pipeline.study.observability import (
@@ -77,8 +76,7 @@ def print_sigmas(config: Config, found: Observability) -> None:
 @stage
 def main(config: Config) -> None:
     """Print ranks and sigmas of a path; write the sigmas where `out` says."""
-    if config.out and Path(config.out).suffix != ".csv":
-        raise ConfigError(f"out = {config.out!r}: must be a CSV file; the heat map goes beside it")
+    refuse_other_ending(config.out, ".csv", "the heat map")
     setup = Setup(config)
     complain(setup.warnings)
     print_ranks(config)

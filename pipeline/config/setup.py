@@ -24,6 +24,7 @@ from pipeline.console.progress import note
 if TYPE_CHECKING:
     from inscal.augmentation import Augmented
     from inscal.disturbance import Disturbance
+    from inscal.estimator import Belief
     from inscal.experiment import Experiment
     from inscal.motion import Site
     from inscal.recursion import Gains, InitialStd
@@ -204,17 +205,12 @@ class Setup:
         return gains
 
     @cached_property
-    def experiment(self) -> Experiment:
-        """All that the runs of a campaign share."""
+    def belief(self) -> Belief:
+        """What the filter takes for true, and how it goes about a record."""
         from inscal.estimator import Belief
-        from inscal.experiment import prepare
-        from inscal.kernel import is_compiled
-        from inscal.simulation import Truth
 
-        if not is_compiled("closed_loop"):
-            note("compiling the kernels, once: some ten seconds")
         about = self.config.estimator
-        belief = Belief(
+        return Belief(
             self.believed_noise,
             self.prior,
             passes=about.passes,
@@ -225,13 +221,23 @@ class Setup:
             convergence_sigma=about.convergence_sigma,
             innovation_limit=about.innovation_limit,
         )
+
+    @cached_property
+    def experiment(self) -> Experiment:
+        """All that the runs of a campaign share."""
+        from inscal.experiment import prepare
+        from inscal.kernel import is_compiled
+        from inscal.simulation import Truth
+
+        if not is_compiled("closed_loop"):
+            note("compiling the kernels, once: some ten seconds")
         with _told():
             return prepare(
                 self.config.campaign.seed,
                 self.schedule,
                 self.site,
                 Truth(self.truth, self.noise, self.prior, sizes_of(self.config.disturbance)),
-                belief,
+                self.belief,
                 dwell_step=self.config.simulation.dwell_step_s,
                 turn_step=self.config.simulation.turn_step_s,
             )

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.console import interrupts
-from pipeline.console.errors import DataError
+from pipeline.console.errors import ConfigError, DataError
 
 
 def complain(lines: Iterable[str]) -> None:
@@ -65,6 +65,13 @@ def json_data(text: str) -> Any:
 def write_json(path: str | Path, data: Any, *, indent: int = 1) -> None:
     """Write data as `json_text` has it, making the file's folder; DataError if that cannot be."""
     write_text(path, json_text(data, indent=indent))
+
+
+def refuse_other_ending(out: str | None, ending: str, beside: str) -> None:
+    """Refuse an `out` of another ending, or none; ConfigError says what goes beside the file."""
+    if out and Path(out).suffix != ending:
+        kind = ending.removeprefix(".").upper()
+        raise ConfigError(f"out = {out!r}: must be a {kind} file; {beside} goes beside it")
 
 
 def write_found(path: str | Path, data: Any, page: str) -> None:

@@ -1,6 +1,6 @@
 """A log calibrated: estimates with their sigmas, what it cannot give, and whether it fits."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,9 +9,9 @@ import numpy as np
 
 from inscal import units
 from inscal.estimator import CONSTANTS, Belief
-from inscal.frames import ARMS, DELAY, in_accelerometer_frame
+from inscal.frames import DELAY, in_accelerometer_frame
 from inscal.motion import Site
-from inscal.parameters import COUNT, NAMES
+from inscal.parameters import AUGMENTATIONS, COUNT, NAMES
 from inscal.record_filter import Outcome, calibrate_record
 from inscal.recorded import Increments, whole_updates
 from pipeline.config.disturbance import key_of, size_of, unit_text
@@ -109,16 +109,10 @@ def _belief(config: Config) -> Belief:
     prior = replace(setup.prior, parameter=factor * setup.prior.parameter)
     sources = {group.source for group in setup.model.augmentations.values() if not group.wanders}
     sizes = {source: factor * getattr(setup.believed, source) for source in sources}
-    about = config.estimator
-    return Belief(
-        setup.believed_noise,
-        prior,
-        passes=about.passes,
-        update_interval=about.update_interval_s,
-        model=setup.model,
+    return replace(
+        setup.belief,
+        prior=prior,
         augmented=replace(setup.believed, **sizes),
-        max_passes=about.max_passes,
-        convergence_sigma=about.convergence_sigma,
         innovation_limit=np.inf,
     )
 
@@ -130,20 +124,22 @@ def _in_frame(
     own = np.r_[np.arange(COUNT), np.arange(CONSTANTS, CONSTANTS + len(states) - COUNT)]
     covariance = outcome.estimator.first.covariance[np.ix_(own, own)]
     values = np.concatenate([outcome.estimate, outcome.augmented])
-    prior = np.concatenate([belief.prior.parameter, _priors(outcome)])
+    about = outcome.estimator.augmented
+    further = about.transitions.constant_std if about else np.zeros(0)
+    prior = np.concatenate([belief.prior.parameter, further])
     change = _plain if config.calibration.frame == "gyro" else in_accelerometer_frame
     found = change(dict(zip(states, values, strict=True)))
     slope = _slope(change, states, values, np.sqrt(np.diag(covariance)))
     std = np.sqrt(np.diag(slope @ covariance @ slope.T))
     before = np.sqrt(np.square(slope) @ np.square(prior))
-    about = [_unit(name) for name in found]
-    size = np.array([unit for _, unit in about])
+    named = [_unit(name) for name in found]
+    size = np.array([unit for _, unit in named])
     return Calibrated(
         header,
         record,
         outcome,
         list(found),
-        [name for name, _ in about],
+        [name for name, _ in named],
         np.array(list(found.values())) / size,
         std / size,
         [bool(0.0 < s < KNOWN * p) for s, p in zip(std, before, strict=True)],
@@ -152,11 +148,6 @@ def _in_frame(
 
 def _plain(values: dict[str, float]) -> dict[str, float]:
     return values
-
-
-def _priors(outcome: Outcome) -> np.ndarray:
-    about = outcome.estimator.augmented
-    return about.transitions.std[: about.transitions.constants] if about else np.zeros(0)
 
 
 def _slope(
@@ -185,14 +176,8 @@ def _unit(name: str) -> tuple[str, float]:
             return about
     if name[:-2] in ("gyro_k", "accel_k"):
         return ("ppm", units.PPM) if name[-1] == name[-2] else ("arcsec", units.ARCSEC)
-    key = key_of(next(g for g in _sources() if name.startswith(g)))
+    key = key_of(next(g.source for g in AUGMENTATIONS.values() if name in g.names))
     return unit_text(key), size_of(key)[1]
-
-
-def _sources() -> list[str]:
-    from inscal.parameters import AUGMENTATIONS
-
-    return sorted((g.source for g in AUGMENTATIONS.values()), key=len, reverse=True)
 
 
 def content(found: Calibrated) -> dict[str, Any]:
@@ -218,9 +203,10 @@ def compensation(found: Calibrated) -> str:
     about = found.outcome
     names = [*NAMES, *about.estimator.augmented_names]
     values = np.concatenate([about.estimate, about.augmented])
+    named = [_unit(name) for name in names]
     rows = [
-        (name, value / _unit(name)[1], _unit(name)[0])
-        for name, value in zip(names, values, strict=True)
+        (name, value / size, unit)
+        for name, value, (unit, size) in zip(names, values, named, strict=True)
     ]
     return render(_TEMPLATES, "compensation.yaml.jinja", log=found.header.data, rows=rows)
 
@@ -236,14 +222,12 @@ def page(found: Calibrated, config: Config) -> str:
         header=found.header,
         frame=config.calibration.frame,
         noise=config.noise.name,
-        states=found.outcome.estimator.augmented_names,
         duration=found.record.duration,
         rate=1.0 / found.record.interval,
         turns=len(turns),
         **{key: data[key] for key in ("dwells", "innovation_ratio", "passes")},
         rows=rows(found),
         not_given=[n for n, given in zip(found.parameter, found.given, strict=True) if not given],
-        arms=any(name.endswith(f"arm_{ARMS[1]}") for name in found.parameter),
     )
 
 
@@ -255,8 +239,3 @@ def rows(found: Calibrated) -> list[tuple[str, str, str, str]]:
             found.parameter, found.unit, found.estimate, found.std, found.given, strict=True
         )
     ]
-
-
-def summary(found: Calibrated) -> Mapping[str, Any]:
-    """Figures that a terminal shows."""
-    return {key: content(found)[key] for key in ("dwells", "innovation_ratio", "passes")}

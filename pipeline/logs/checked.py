@@ -58,8 +58,8 @@ def read_increments(about: Header) -> Increments:
     )
 
 
-def _where(row: int, time: np.ndarray) -> str:
-    return f"row {row + 1}, {time[row]:.6g} s"
+def _where(row: int, seconds: float) -> str:
+    return f"row {row + 1}, {seconds:.6g} s"
 
 
 def _refuse_bad_numbers(name: str, rows: Rows) -> None:
@@ -83,8 +83,8 @@ def _refuse_bad_times(name: str, time: np.ndarray, interval: float) -> None:
     ):
         if wrong.any():
             row = int(np.flatnonzero(wrong)[0]) + 1
-            text = said.format(abs(step[row - 1]))
-            raise DataError(f"{name}: {_where(row, time)}: {text}; an interval is {interval:g} s")
+            text = f"{said.format(abs(step[row - 1]))}; an interval is {interval:g} s"
+            raise DataError(f"{name}: {_where(row, time[row])}: {text}")
 
 
 def _refuse_stuck(name: str, rows: Rows) -> None:
@@ -95,9 +95,10 @@ def _refuse_stuck(name: str, rows: Rows) -> None:
             edges = np.flatnonzero(np.diff(top, prepend=False, append=False)).reshape(-1, 2)
             for first, end in edges[np.diff(edges).ravel() >= _STUCK]:
                 if first and column[first] - column[first - 1] > _SUDDEN * column[first]:
+                    where = _where(first, rows.time[first])
                     raise DataError(
-                        f"{name}: {_where(first, rows.time)}: {sensor} {axis} is saturated: it "
-                        f"stays at {column[first]:.6g}, its largest number, for {end - first} rows"
+                        f"{name}: {where}: {sensor} {axis} is saturated: it stays at "
+                        f"{column[first]:.6g}, its largest number, for {end - first} rows"
                     )
 
 
@@ -124,8 +125,8 @@ def rests_and_turns(name: str, record: Increments, site: Site) -> list[Stretch]:
     if fastest > _FASTEST:
         row = int(np.argmax(np.abs(record.angle).max(axis=1)))
         raise DataError(
-            f"{name}: row {row + 1}, {row * record.interval:.6g} s: a rate of {fastest:.3g} rad/s: "
-            "must be below 20; is gyro_unit right?"
+            f"{name}: {_where(row, row * record.interval)}: a rate of {fastest:.3g} rad/s: must be "
+            f"below {_FASTEST:g}; is gyro_unit right?"
         )
     try:
         parts = stretches(record)
@@ -148,7 +149,7 @@ def _refuse_wrong_gravity(name: str, record: Increments, rests: list[Stretch], s
         force = np.linalg.norm(_force(record, part))
         if abs(force / gravity - 1.0) > _FORCE:
             raise DataError(
-                f"{name}: row {part.first + 1}, {part.first * record.interval:.6g} s: at rest "
+                f"{name}: {_where(part.first, part.first * record.interval)}: at rest "
                 f"accelerometers read {force:.4g} m/s^2, gravity is {gravity:.4g}: is accel_unit "
                 "or accel_scale right?"
             )
@@ -157,7 +158,7 @@ def _refuse_wrong_gravity(name: str, record: Increments, rests: list[Stretch], s
 def _refuse_wrong_turns(name: str, record: Increments, parts: list[Stretch]) -> None:
     """Gyros must see the turns that gravity makes in the body."""
     for before, turn, after in zip(parts[:-2], parts[1:-1], parts[2:], strict=True):
-        if not turn.turns or before.turns or after.turns:
+        if not turn.turns:
             continue
         down = [-_force(record, part) for part in (before, after)]
         down = [one / np.linalg.norm(one) for one in down]
@@ -169,7 +170,7 @@ def _refuse_wrong_turns(name: str, record: Increments, parts: list[Stretch]) -> 
         off = float(np.arccos(np.clip(carried @ down[1], -1.0, 1.0)))
         if off > _TURN:
             raise DataError(
-                f"{name}: row {turn.first + 1}, {turn.first * record.interval:.6g} s: after this "
+                f"{name}: {_where(turn.first, turn.first * record.interval)}: after this "
                 f"turn gravity is {np.rad2deg(off):.3g} deg from where the gyros say: are units, "
                 "columns, signs and axes right, and right-handed?"
             )
@@ -185,7 +186,7 @@ def _refuse_wrong_site(name: str, record: Increments, rest: Stretch, site: Site)
     found = float(np.arcsin(np.clip(-spin @ down / np.linalg.norm(down) / size, -1.0, 1.0)))
     if abs(found - site.latitude) > _LATITUDE:
         raise DataError(
-            f"{name}: row 1, 0 s: the gyros see the Earth's rate of latitude "
+            f"{name}: {_where(0, 0.0)}: the gyros see the Earth's rate of latitude "
             f"{np.rad2deg(found):.1f} deg, the header's latitude_deg is "
             f"{np.rad2deg(site.latitude):g}"
         )

@@ -13,8 +13,8 @@ from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import ConfigError
 from pipeline.console.output import write_text, written
+from pipeline.logs.header import ACCEL, GYRO, TIME
 
-COLUMNS = ("time", "gyro_x", "gyro_y", "gyro_z", "accel_x", "accel_y", "accel_z")
 _ENDINGS = (".parquet", ".csv")
 
 
@@ -49,7 +49,7 @@ def frames(config: Config) -> Iterator[tuple[int, pd.DataFrame]]:
     ConfigError
         If turns or updates do not begin with a sample.
     """
-    step = 1.0 / config.rate_hz
+    numbers, step = chosen(config), 1.0 / config.rate_hz
     simulation = replace(config.simulation, dwell_step_s=step, turn_step_s=step)
     experiment = Setup(replace(config, simulation=simulation)).experiment
     duration = experiment.motion.duration
@@ -57,12 +57,11 @@ def frames(config: Config) -> Iterator[tuple[int, pd.DataFrame]]:
         raise ConfigError(
             f"rate_hz = {config.rate_hz:g}: turns of this schedule begin and end between samples"
         )
-    numbers = chosen(config)
     time = step * np.arange(1, len(duration) + 1)
     for part, _, record in records(experiment, numbers):
         for lane, number in enumerate(numbers[part]):
             values = np.column_stack([time, record.sensors[:, :, lane]])
-            yield number, pd.DataFrame(values, columns=list(COLUMNS))
+            yield number, pd.DataFrame(values, columns=[TIME, *GYRO, *ACCEL])
 
 
 def write(config: Config) -> list[Path]:

@@ -30,6 +30,9 @@ ACCEL_UNITS = {
     "ug": units.MICRO_G,
 }
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+TIME = "time"
+"""Columns of a table if a header does not say others."""
+GYRO, ACCEL = ([f"{sensor}_{axis}" for axis in "xyz"] for sensor in ("gyro", "accel"))
 _INCREMENTS = ("rad", "deg", "arcsec", "m/s")
 
 
@@ -68,9 +71,9 @@ class Header:
     height_m: float = 0.0
     gyro_unit: str = "rad"
     accel_unit: str = "m/s"
-    gyro_columns: list[str] = field(default_factory=lambda: ["gyro_x", "gyro_y", "gyro_z"])
-    accel_columns: list[str] = field(default_factory=lambda: ["accel_x", "accel_y", "accel_z"])
-    time_column: str = "time"
+    gyro_columns: list[str] = field(default_factory=lambda: [*GYRO])
+    accel_columns: list[str] = field(default_factory=lambda: [*ACCEL])
+    time_column: str = TIME
     time_unit: str = "s"
     gyro_scale: float = 1.0
     accel_scale: float = 1.0

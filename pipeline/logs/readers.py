@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -55,11 +56,16 @@ def read_rows(about: Header) -> Rows:
         raise DataError(f"{about.data[0]}: no log of format {about.format} ({line})") from None
 
 
+def read_frame(path: str, **options: Any) -> pd.DataFrame:
+    """Read a table, Parquet by its ending and else CSV, with options of the reader of CSV."""
+    return pd.read_parquet(path) if path.endswith(".parquet") else pd.read_csv(path, **options)
+
+
 def _table(about: Header) -> Rows:
     """Columns by name, of Parquet or CSV."""
     path = about.data[0]
     wanted = [about.time_column, *about.gyro_columns, *about.accel_columns]
-    frame = pd.read_parquet(path) if path.endswith(".parquet") else pd.read_csv(path, comment="#")
+    frame = read_frame(path, comment="#")
     for name in wanted:
         if name not in frame.columns:
             raise DataError(

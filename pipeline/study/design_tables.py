@@ -8,6 +8,7 @@ import numpy as np
 from inscal.blocks import Believed, Builder
 from inscal.design import Tables, considered, covariance, tables
 from inscal.disturbance import Disturbance
+from inscal.disturbed import true_noise
 from inscal.parameters import AUGMENTATIONS
 from inscal.schedule import initial_attitude, turns_of
 from inscal.state_model import NoiseModel, StateModel
@@ -51,6 +52,11 @@ def left_out(setup: Setup) -> list[str]:
     return [name for name in setup.model.augmentations if name in _MOVING]
 
 
+def _at_rest(setup: Setup) -> tuple[str, ...]:
+    """State groups that do not move."""
+    return tuple(name for name in setup.model.groups if name not in _MOVING)
+
+
 def believed(setup: Setup, longest: int) -> Scene:
     """Scene of the filter's own belief.
 
@@ -67,8 +73,7 @@ def believed(setup: Setup, longest: int) -> Scene:
     unmodelled = {name: 0.0 for name in _MOVING if name not in setup.model.groups}
     about = replace(setup.believed, **unmodelled)
     noise = _with_slow(setup.believed_noise, about, setup)
-    groups = [name for name in setup.model.groups if name not in _MOVING]
-    return Scene(_tables(setup, StateModel(tuple(groups)), noise, about, longest))
+    return Scene(_tables(setup, StateModel(_at_rest(setup)), noise, about, longest))
 
 
 def disturbed(setup: Setup, longest: int) -> Scene | None:
@@ -77,7 +82,7 @@ def disturbed(setup: Setup, longest: int) -> Scene | None:
     What moves in time is white noise of the same Allan deviation at the mean time of a position;
     drifts are not in it, nor what is about table and building.
     """
-    truth, factor = sizes_of(setup.config.disturbance), setup.config.disturbance
+    truth = sizes_of(setup.config.disturbance)
     if not disturbances(resolved(setup.config)):
         return None
     sources = {
@@ -85,13 +90,8 @@ def disturbed(setup: Setup, longest: int) -> Scene | None:
         for name, group in AUGMENTATIONS.items()
         if name not in [*_MOVING, *setup.model.groups] and getattr(truth, group.source) > 0.0
     }
-    groups = [name for name in setup.model.groups if name not in _MOVING]
-    model = StateModel((*groups, *sources))
-    noise = replace(
-        setup.noise,
-        gyro=setup.noise.gyro * factor.gyro_noise_factor,
-        accel=setup.noise.accel * factor.accel_noise_factor,
-    )
+    model = StateModel((*_at_rest(setup), *sources))
+    noise = true_noise(setup.noise, truth)
     sizes = {source: getattr(truth, source) for source in sources.values()}
     about = replace(setup.believed, **sizes)
     made = _tables(setup, model, _with_slow(noise, truth, setup), about, longest)

@@ -243,8 +243,26 @@ def contest(comparison: Summary) -> Contest:
 def contest_verdict(result: Contest) -> str:
     """Say in a short paragraph which campaign wins, by how much and at what cost."""
     counts = {"worse": len(result.worse), "better": len(result.better)}
-    values = vars(result) | counts | {"time": time_text(result)}
+    values = vars(result) | counts | {"time": time_text(result), **_shares(result)}
     return sentence(TEMPLATES, "contest_verdict", **values)
+
+
+def _shares(result: Contest) -> dict[str, Any]:
+    """The two shares of runs that keep all bounds, that of the better campaign first."""
+    if result.joint is None:
+        return {"first": None}
+    of = result.joint
+    middle, low, high = (of[f"joint_difference{end}"] for end in ("", "_lower", "_upper"))
+    first, second = "a", "b"
+    if high < 0.0:
+        first, second, middle, low, high = "b", "a", -middle, -high, -low
+    return {
+        "first": getattr(result, first),
+        "second": getattr(result, second),
+        "shares": [100.0 * of[f"joint_share_{side}"] for side in (first, second)],
+        "points": [100.0 * value for value in (middle, low, high)],
+        "runs": of["runs_judged"],
+    }
 
 
 def time_text(result: Contest) -> str:

@@ -94,7 +94,7 @@ def _marked(name: str) -> dict[str, Any]:
 
 
 def table(found: Mapping[str, Any], noise: str, key: str, form: str) -> list[tuple[str, ...]]:
-    """Rows of one noise level: time, a cell for each path, and the limit of a share."""
+    """Rows of one noise level: time, and a cell for each path."""
     rows: dict[float, dict[str, Any]] = {}
     for point in found["points"]:
         if point["noise"] == noise:

@@ -11,18 +11,18 @@ import xarray as xr
 import yaml
 
 from inscal.parameters import NAMES, UNITS
-from inscal.summary import compare, summarize
+from inscal.summary import summarize
 from pipeline.campaign import judged, store
 from pipeline.config.schema import Config
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
+from pipeline.logs.readers import read_frame
 from pipeline.study.findings import contest, contest_verdict, joint_text
 from pipeline.words import markdown as md
 from pipeline.words.render import render
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _STD = "_std"
-_RESAMPLES = 4000
 _KEYS = ("parameter", "factor")
 
 
@@ -74,23 +74,16 @@ def judge(config: Config) -> Judged:
     bound = judged.bounds_of(config).sel(parameter=names)
     try:
         found = summarize(theirs, bound)
-        pair = compare(theirs, ours, resamples=_RESAMPLES, seed=own.attrs["seed"], bound=bound)
     except ValueError as error:
         raise DataError(f"estimates = {path}: {error}") from None
-    duration = [1.0, 1.0]  # of the same runs
-    pair = pair.assign_attrs(a=Path(path).stem, b=Path(place).name, duration_s=duration)
-    return Judged(
-        names,
-        with_std,
-        json_data(judged.as_json(found)),
-        json_data(judged.as_json(pair)),
-    )
+    pair = judged.comparison(Path(path).with_suffix(""), theirs, place, ours, bound)
+    return Judged(names, with_std, *(json_data(judged.as_json(one)) for one in (found, pair)))
 
 
 def read_table(path: str) -> pd.DataFrame:
     """Read a table of CSV or Parquet; DataError if there is none."""
     try:
-        return pd.read_parquet(path) if path.endswith(".parquet") else pd.read_csv(path)
+        return read_frame(path)
     except FileNotFoundError:
         raise DataError(f"estimates = {path}: not found") from None
     except (OSError, ValueError, UnicodeError) as error:
@@ -232,6 +225,7 @@ def as_campaign(table: pd.DataFrame, own: xr.Dataset, path: str) -> tuple[xr.Dat
                 "status": ("run", np.where(done, store.DONE, store.FAILED).astype(np.int8)),
             },
             coordinates | {"unit": ("parameter", units)},
+            own.attrs,
         ),
         with_std,
     )

@@ -319,3 +319,11 @@ def test_only_velocity_at_rest_knows_less(log, found, tmp_path):
     deviation = (less.outcome.estimate - truth) / less.outcome.estimator.predicted_std
     assert np.abs(deviation).max() < 4.5
     assert dataclasses.asdict(less.header)["observation"] == "velocity_at_rest"
+
+
+def test_states_that_are_named_after_another_source_have_its_unit(log):
+    """A group's name, that of its states and that of its source may all differ."""
+    groups = "[gyro_bias,accel_bias,gyro_k,accel_k,accel_quadratic,lever_arm,accel_cross]"
+    found = calibrated(load([*PATH, f"log={log}", f"estimator.states={groups}"]))
+    units = dict(zip(found.parameter, found.unit, strict=True))
+    assert units["accel_cross_xy"] == units["accel_cross_zy"] == "ug/g^2"
