@@ -33,16 +33,19 @@ class History:
         which is translated from it (`inscal.estimator`).
     innovation : ndarray, shape (passes, updates, 6, LANES)
         Navigated minus observed, m/s and m.
+
+    Either may have no room for updates, and is not kept then.
     """
 
     estimate: np.ndarray
     innovation: np.ndarray
 
 
-def empty_history(passes: int, updates: int) -> History:
-    """Room for the course of `passes` passes."""
+def empty_history(passes: int, updates: int, *, estimates: bool = True) -> History:
+    """Room for the course of `passes` passes, of innovations alone if told so."""
     return History(
-        np.empty((passes, updates, COUNT, LANES)), np.empty((passes, updates, OBSERVED, LANES))
+        np.empty((passes, updates if estimates else 0, COUNT, LANES)),
+        np.empty((passes, updates, OBSERVED, LANES)),
     )
 
 

@@ -61,7 +61,7 @@ def run_pass(
     for j in range(LANES):
         for i in range(ROWS):
             state[i, j] = start[i, j]
-    keep, judge = len(estimate_history) > 0, len(whitening) > 0
+    keep, tell, judge = len(estimate_history) > 0, len(innovation_history) > 0, len(whitening) > 0
     squares = np.zeros(LANES)
     moved = None if further is None else np.empty((6, LANES))
     for k in range(len(update_step) - 1):
@@ -91,6 +91,8 @@ def run_pass(
             for j in range(LANES):
                 for i in range(COUNT):
                     estimate_history[k, i, j] = state[i, j]
+        if tell:
+            for j in range(LANES):
                 for i in range(OBSERVED):
                     innovation_history[k, i, j] = innovation[i, j]
     for j in range(LANES):

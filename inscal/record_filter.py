@@ -7,15 +7,16 @@ lanes of the loop hold the same record.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import expm
 
 from inscal import sensor
 from inscal.augmentation import augment
-from inscal.calibrator import Calibration, calibrate
+from inscal.calibrator import Calibration, calibrate, empty_history
 from inscal.estimator import Belief, Estimator, estimator_of
+from inscal.innovations import whiten
 from inscal.kernel import LANES
 from inscal.motion import Site, motion_of
 from inscal.path import Path
@@ -25,16 +26,11 @@ from inscal.recorded import (
     RecordedPath,
     Stretch,
     aligned,
+    coarser,
     steps_of_record,
 )
-from inscal.response import Response, response
-from inscal.state_model import (
-    StateModel,
-    Transitions,
-    navigation_dynamics,
-    noise_of,
-    parameter_dynamics,
-)
+from inscal.response import Response, of_parameters, response
+from inscal.state_model import Transitions, navigation_dynamics, noise_of
 
 _UNKNOWN = 1e9  # m/s and m: a standard deviation of what is not observed
 
@@ -49,16 +45,25 @@ class Outcome:
         Of `LANES` equal lanes.
     estimator : Estimator
         Its covariance is that of the estimates.
+    transitions : Transitions
+        Of the filter, augmented states included.
     path : Path
         As the record shows it.
     parts : sequence of Stretch
         Rests and turns.
+    unit : ndarray, shape (updates, OBSERVED)
+        Innovations of the last pass, whitened.
+    seen : ndarray of bool, shape (updates, OBSERVED)
+        Innovations that are to be normal ones if the filter is right.
     """
 
     calibration: Calibration
     estimator: Estimator
+    transitions: Transitions
     path: Path
     parts: Sequence[Stretch]
+    unit: np.ndarray
+    seen: np.ndarray
 
     @property
     def estimate(self) -> np.ndarray:
@@ -66,9 +71,35 @@ class Outcome:
         return self.calibration.estimate[:, 0]
 
     @property
+    def last_pass(self) -> int:
+        """Number of the last pass, from 0."""
+        return int(self.calibration.passes[0]) - 1
+
+    @property
     def augmented(self) -> np.ndarray:
         """Augmented states that do not wander, SI."""
         return self.calibration.augmented[:, 0]
+
+
+def rough_path(record: Increments, outcome: Outcome, longest: float) -> RecordedPath:
+    """The path that a calibrated record shows, in turns by longer samples.
+
+    Parameters
+    ----------
+    record : Increments
+        That of the outcome.
+    outcome : Outcome
+    longest : float
+        Sample, s.
+
+    Returns
+    -------
+    RecordedPath
+    """
+    about, interval = outcome.path, outcome.transitions.interval
+    better, parts = coarser(compensated(record, outcome.estimate), outcome.parts, interval, longest)
+    steps, _ = steps_of_record(better, parts, about.steps.attitude[0], about.site, interval)
+    return RecordedPath(steps, motion_of(steps, about.site), about.site)
 
 
 def transitions_of_path(path: Path, belief: Belief, made: Response) -> Transitions:
@@ -87,7 +118,7 @@ def transitions_of_path(path: Path, belief: Belief, made: Response) -> Transitio
         Of the belief's model, without augmented states.
     """
     dynamics, interval = navigation_dynamics(path.site), belief.update_interval
-    columns = made.by_update(parameter_increments(path, belief.model))
+    columns = of_parameters(made, path, belief.model.columns)
     return Transitions(
         navigation=expm(dynamics * interval),
         parameter=columns,
@@ -98,16 +129,6 @@ def transitions_of_path(path: Path, belief: Belief, made: Response) -> Transitio
     )
 
 
-def parameter_increments(path: Path, model: StateModel) -> np.ndarray:
-    """Apparent increments of one unit of each modelled parameter, shape (n, steps, 6), rad, m/s."""
-    motion, duration = path.motion, path.steps.duration[:, None]
-    rates = parameter_dynamics(np.eye(3), motion.angle / duration, motion.velocity / duration)
-    # the dynamics are those of navigation errors; what is reported lacks what compensation adds
-    angle, velocity = -rates[:, :3], rates[:, 3:6]
-    both = np.concatenate([angle, velocity], axis=1) * duration[:, None]
-    return both[:, :, model.columns].transpose(2, 0, 1)
-
-
 def calibrate_record(
     record: Increments,
     parts: Sequence[Stretch],
@@ -116,6 +137,7 @@ def calibrate_record(
     *,
     rounds: int = 3,
     at_rest: bool = False,
+    left_out: Sequence[int] = (),
 ) -> Outcome:
     """Calibrate a unit that stayed at one place.
 
@@ -133,6 +155,8 @@ def calibrate_record(
     at_rest : bool
         Whether all that is known is that it has no velocity in its rests; else its position and
         velocity are known at all times.
+    left_out : sequence of int
+        Rests during which nothing is observed, from 0.
 
     Returns
     -------
@@ -151,8 +175,9 @@ def calibrate_record(
         attitude = aligned(better, start, site)
         steps, first = steps_of_record(better, parts, attitude, site, belief.update_interval)
         path = RecordedPath(steps, motion_of(steps, site), site)
-        outcome = _calibrate(record, first, path, parts, belief, at_rest)
-        better = compensated(record, outcome)
+        observed = _observed(path, belief, at_rest, left_out)
+        outcome = _calibrate(record, first, path, parts, belief, observed)
+        better = compensated(record, outcome.estimate)
     assert outcome is not None
     return outcome
 
@@ -163,31 +188,56 @@ def _calibrate(
     path: Path,
     parts: Sequence[Stretch],
     belief: Belief,
-    at_rest: bool,
+    observed: np.ndarray | None,
 ) -> Outcome:
     made = response(path, belief.update_interval)
     augmented = augment(belief.model, belief.augmented, path, belief.update_interval, made)
-    observed = _at_rest(path, belief) if at_rest else None
-    estimator = estimator_of(transitions_of_path(path, belief, made), belief, augmented, observed)
+    transitions = transitions_of_path(path, belief, made)
+    estimator = estimator_of(transitions, belief, augmented, observed)
+    if augmented is not None:
+        transitions = replace(transitions, augmented=augmented.transitions)
     reported = np.concatenate(
         [np.add.reduceat(x, first, axis=0) for x in (record.angle, record.velocity)], axis=1
     )
     lanes = Record(
         sensors=_lanes(reported),
-        observations=np.zeros((path.motion.updates, OBSERVED, LANES)),
+        observations=_lanes(_observations(record, path.motion.updates)),
         attitude=_lanes(path.steps.attitude[0]),
         velocity=np.zeros((3, LANES)),
         position=np.zeros((3, LANES)),
     )
-    found = calibrate(lanes, path.motion, path.site, estimator)
-    return Outcome(found, estimator, path, parts)
+    history = empty_history(estimator.max_passes, path.motion.updates, estimates=False)
+    found = calibrate(lanes, path.motion, path.site, estimator, history=history)
+    number = int(found.passes[0]) - 1
+    innovation = history.innovation[number, :, :, :1]
+    unit = whiten(innovation, estimator.gains(number).innovation_covariance)[..., 0]
+    seen = np.ones(unit.shape, dtype=bool) if observed is None else observed < _UNKNOWN
+    if record.observed is None:  # known positions have no noise, and add nothing to velocities
+        seen[:, 3:] = False
+    return Outcome(found, estimator, transitions, path, parts, unit, seen)
 
 
-def _at_rest(path: Path, belief: Belief) -> np.ndarray:
-    """Standard deviations of observations of which only the velocity at rest is one."""
-    turning = np.add.reduceat(path.steps.turn >= 0, path.steps.update_step[:-1]) > 0
-    out = np.full((len(turning), OBSERVED), _UNKNOWN)
-    out[~turning, :3] = belief.noise.velocity
+def _observations(record: Increments, updates: int) -> np.ndarray:
+    if record.observed is None:
+        return np.zeros((updates, OBSERVED))
+    samples = len(record.angle) // updates
+    return record.observed[samples - 1 :: samples]
+
+
+def _observed(
+    path: Path, belief: Belief, at_rest: bool, left_out: Sequence[int]
+) -> np.ndarray | None:
+    """Standard deviations of observations, None where they are those of the belief."""
+    if not at_rest and not left_out:
+        return None
+    turn, begin = path.steps.turn, path.steps.update_step[:-1]
+    turning = np.add.reduceat(turn >= 0, begin) > 0
+    rest = np.maximum.accumulate(turn)[begin] + 1  # of an update: as many turns came before
+    out = np.repeat([belief.noise.velocity, belief.noise.position], 3)
+    out = np.tile(out, (len(begin), 1))
+    if at_rest:
+        out[turning], out[:, 3:] = _UNKNOWN, _UNKNOWN
+    out[np.isin(rest, left_out)] = _UNKNOWN
     return out
 
 
@@ -195,22 +245,54 @@ def _lanes(values: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.broadcast_to(values[..., None], (*values.shape, LANES)))
 
 
-def compensated(record: Increments, outcome: Outcome) -> Increments:
-    """Increments corrected by what was found of the 27 parameters.
+def compensated(record: Increments, parameters: np.ndarray) -> Increments:
+    """Increments corrected by biases and matrices, which is all that rests and turns are found by.
 
     Parameters
     ----------
     record : Increments
-    outcome : Outcome
+    parameters : ndarray, shape (27,)
+        SI.
 
     Returns
     -------
     Increments
     """
-    gyro, accel = sensor.matrices(outcome.estimate[:, None])[:, 0]
-    bias = outcome.estimate[:6].reshape(2, 3) * record.interval
-    return Increments(
-        record.interval,
-        record.angle @ (np.eye(3) + gyro).T + bias[0],
-        record.velocity @ (np.eye(3) + accel).T + bias[1],
+    gyro, accel = sensor.matrices(parameters[:, None])[:, 0]
+    bias = parameters[:6].reshape(2, 3) * record.interval
+    return replace(
+        record,
+        angle=record.angle @ (np.eye(3) + gyro).T + bias[0],
+        velocity=record.velocity @ (np.eye(3) + accel).T + bias[1],
     )
+
+
+def forces_at_rest(
+    record: Increments, parts: Sequence[Stretch], parameters: np.ndarray
+) -> np.ndarray:
+    """Mean specific force of each rest, compensated by all 27 parameters.
+
+    Parameters
+    ----------
+    record : Increments
+    parts : sequence of Stretch
+        Of the record.
+    parameters : ndarray, shape (27,)
+        SI.
+
+    Returns
+    -------
+    ndarray, shape (rests, 3)
+        m/s^2, body axes: of the length of gravity where all is right.
+    """
+    out = []
+    for part in parts:
+        if not part.turns:
+            angle, velocity = (
+                x[part.first : part.end].mean(axis=0) for x in (record.angle, record.velocity)
+            )
+            both = sensor.compensate(
+                parameters[:, None], 0, tuple(angle), tuple(velocity), record.interval
+            )
+            out.append(np.array(both[1]) / record.interval)
+    return np.array(out)

@@ -11,7 +11,7 @@ feel; once there are estimates, compensated increments make it better.
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -44,16 +44,25 @@ class Increments:
         Angle increments in body axes, right-handed, rad.
     velocity : ndarray, shape (samples, 3)
         Velocity increments, m/s; upwards at rest.
+    observed : ndarray, shape (samples, 6), or None
+        Velocity (m/s) and offset from the site (m), North, East and Down, at the end of each sample
+        that ends an update interval; others are not used. None: both are known to be zero.
     """
 
     interval: float
     angle: np.ndarray
     velocity: np.ndarray
+    observed: np.ndarray | None = None
 
     @property
     def duration(self) -> float:
         """Of the record, s."""
         return len(self.angle) * self.interval
+
+    def part(self, first: int, end: int) -> "Increments":
+        """Samples from `first` to the one before `end`."""
+        seen = None if self.observed is None else self.observed[first:end]
+        return Increments(self.interval, self.angle[first:end], self.velocity[first:end], seen)
 
 
 @dataclass(frozen=True)
@@ -166,7 +175,37 @@ def whole_updates(record: Increments, update_interval: float) -> Increments:
     count = len(record.angle) // samples * samples
     if count == 0:
         raise ValueError(f"the record is shorter than an update interval, {update_interval:g} s")
-    return replace(record, angle=record.angle[:count], velocity=record.velocity[:count])
+    return record.part(0, count)
+
+
+def coarser(
+    record: Increments, parts: Sequence[Stretch], update_interval: float, longest: float
+) -> tuple[Increments, list[Stretch]]:
+    """A record in longer samples, for effects that need to know turns only roughly.
+
+    Parameters
+    ----------
+    record : Increments
+        A whole number of updates long.
+    parts : sequence of Stretch
+        Of the record.
+    update_interval : float
+        s.
+    longest : float
+        Sample, s; at most so long, and a part of an update.
+
+    Returns
+    -------
+    record : Increments
+        Without observations.
+    parts : list of Stretch
+    """
+    samples = round(update_interval / record.interval)
+    most = max(1, int(longest / record.interval + 1e-9))
+    count = max(n for n in range(1, most + 1) if samples % n == 0)
+    angle, velocity = (x.reshape(-1, count, 3).sum(axis=1) for x in (record.angle, record.velocity))
+    cut = [Stretch(one.first // count, one.end // count, one.turns) for one in parts]
+    return Increments(record.interval * count, angle, velocity), cut
 
 
 def first_samples(parts: Sequence[Stretch], samples: int) -> np.ndarray:
@@ -262,6 +301,45 @@ class RecordedPath(Path):
         """None: zeros of shape (steps, 3), twice."""
         none = np.zeros_like(self.steps.rate)
         return none, none
+
+
+def turned_between(
+    angle: np.ndarray, bounds: np.ndarray, matrix: np.ndarray, bias: np.ndarray
+) -> np.ndarray:
+    """Rotations of turns, added up from compensated increments of gyros.
+
+    Parameters
+    ----------
+    angle : ndarray, shape (samples, 3)
+        Reported, rad.
+    bounds : ndarray of int, shape (turns, 2)
+        First sample of each, and the one behind its last.
+    matrix : ndarray, shape (3, 3)
+    bias : ndarray, shape (3,)
+        Increments are compensated by ``matrix @ angle + bias``, rad.
+
+    Returns
+    -------
+    ndarray, shape (turns, 3, 3)
+        Body axes at the end to body axes at the start.
+    """
+    out = np.empty((len(bounds), 3, 3))
+    _turn(np.ascontiguousarray(angle), bounds, matrix, bias, out)
+    return out
+
+
+@compiled
+def _turn(angle, bounds, matrix, bias, out):
+    """Fill `out`; increments are so small that the rotation's series ends with its fourth term."""
+    for t in range(len(bounds)):
+        now = np.eye(3)
+        for k in range(bounds[t, 0], bounds[t, 1]):
+            x = matrix @ angle[k] + bias
+            square = (x**2).sum()
+            cross = np.array([[0.0, -x[2], x[1]], [x[2], 0.0, -x[0]], [-x[1], x[0], 0.0]])
+            once, twice = 1.0 - square / 6.0, 0.5 - square / 24.0
+            now = now @ (np.eye(3) + once * cross + twice * cross @ cross)
+        out[t] = now
 
 
 @compiled

@@ -12,8 +12,11 @@ from scipy.linalg import expm
 
 from inscal.disturbance import Disturbance
 from inscal.path import Path
-from inscal.state_model import NAVIGATION, navigation_dynamics
+from inscal.state_model import NAVIGATION, navigation_dynamics, parameter_dynamics
 from inscal.unit_effects import effect
+
+_AT_ONCE = 128
+"""Update intervals."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,40 @@ class ConstantsResponse:
 
     navigation: np.ndarray
     observation: np.ndarray
+
+
+def of_parameters(
+    made: Response, path: Path, columns: np.ndarray, weight: np.ndarray | None = None
+) -> np.ndarray:
+    """Response to one unit of sensor parameters.
+
+    Parameters
+    ----------
+    made : Response
+    path : Path
+        The same.
+    columns : ndarray of int, shape (n,)
+        Which of the 27.
+    weight : ndarray, shape (steps,), optional
+        Size of the parameters in each step; 1 without it.
+
+    Returns
+    -------
+    ndarray, shape (updates, 9, n)
+    """
+    duration = path.steps.duration
+    rate, force = (x / duration[:, None] for x in (path.motion.angle, path.motion.velocity))
+    scale = duration if weight is None else duration * weight
+    bounds, updates = made.update_step, len(made.update_step) - 1
+    out = np.empty((updates, NAVIGATION, len(columns)))
+    for begin in range(0, updates, _AT_ONCE):  # all at once is a gigabyte
+        end = min(begin + _AT_ONCE, updates)
+        rows = slice(bounds[begin], bounds[end])
+        each = parameter_dynamics(np.eye(3), rate[rows], force[rows])[:, :6, columns]
+        each[:, :3] *= -1.0  # of navigation errors; what is reported lacks what compensation adds
+        moved = made.steps[rows] @ (each * scale[rows, None, None])
+        out[begin:end] = np.add.reduceat(moved, bounds[begin:end] - bounds[begin], axis=0)
+    return out
 
 
 def of_constants(

@@ -13,12 +13,17 @@ is nothing beside h the constant *is* an error of the estimated parameters: no f
 and no judge of its innovations, tells them apart.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from inscal.budget import System, state_rows
+from inscal.estimator import CONSTANTS, initial_constants
+from inscal.parameters import COUNT
 from inscal.record import OBSERVED
+from inscal.recursion import ATTITUDE, Gains
 from inscal.response import ConstantsResponse
-from inscal.state_model import NAVIGATION, OBSERVED_STATES
+from inscal.state_model import NAVIGATION, OBSERVED_STATES, StateModel, Transitions
 
 
 def traces(system: System) -> dict[str, np.ndarray]:
@@ -37,8 +42,10 @@ def traces(system: System) -> dict[str, np.ndarray]:
     every = {name: one for name, one in system.constants.items() if name not in system.modelled}
     if not every:
         return {}
-    of_parameters, of_constants = innovations(system, list(every.values()))
-    base, _ = np.linalg.qr(of_parameters)
+    of_states, of_constants = innovations(
+        system.transitions, system.gains, system.model, std_of(system), list(every.values())
+    )
+    base, _ = np.linalg.qr(np.delete(of_states, attitude_columns(system.model), axis=1))
     left = of_constants - base @ (base.T @ of_constants)
     out, first = {}, 0
     for name, each in every.items():
@@ -49,46 +56,68 @@ def traces(system: System) -> dict[str, np.ndarray]:
 
 
 def innovations(
-    system: System, constants: list[ConstantsResponse]
+    transitions: Transitions,
+    gains: Gains,
+    model: StateModel,
+    std: np.ndarray,
+    constants: Sequence[ConstantsResponse],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Innovations that errors leave behind, in units of their own covariance.
 
     Parameters
     ----------
-    system : System
-    constants : list of ConstantsResponse
+    transitions : Transitions
+    gains : Gains
+        Of a pass.
+    model : StateModel
+        Of both.
+    std : ndarray, shape (c,)
+        Sizes of the filter's constants, in the order of `inscal.estimator`, SI.
+    constants : sequence of ConstantsResponse
 
     Returns
     -------
-    of_parameters : ndarray, shape (OBSERVED * updates, parameters)
-        Of each modelled parameter, and augmented state that does not wander, that is off by its
-        prior sigma.
+    of_states : ndarray, shape (OBSERVED * updates, n)
+        Of each constant that the filter estimates, in that order, off by its size: modelled
+        parameters, attitude at the start, augmented states that do not wander.
     of_constants : ndarray, shape (OBSERVED * updates, constants)
         Per unit, SI.
     """
-    transitions, gains, columns = system.transitions, system.gains, system.model.columns
-    about = transitions.augmented
-    own = NAVIGATION + len(columns)
-    unit = np.concatenate([system.prior.parameter[columns], about.std if about else np.zeros(0)])
-    modelled = len(columns) + (about.constants if about else 0)
+    about, own = transitions.augmented, NAVIGATION + len(model.columns)
+    size = std[estimated(model, len(std))]
+    rows = [*range(NAVIGATION, own), *range(ATTITUDE), *range(own, own + len(std) - CONSTANTS)]
     added = np.concatenate([each.navigation for each in constants], axis=2)
     offset = np.concatenate([each.observation for each in constants], axis=1)
-    updates, _, count = added.shape
-    gain = gains.gain[:, state_rows(system.model)]
-    x = np.zeros((gain.shape[1], modelled + count))
-    x[range(NAVIGATION, NAVIGATION + modelled), range(modelled)] = unit[:modelled]
-    out = np.empty((updates, OBSERVED, modelled + count))
+    gain = gains.gain[:, state_rows(model)]
+    x = np.zeros((gain.shape[1], len(rows) + added.shape[2]))
+    x[rows, range(len(rows))] = size
+    out = np.empty((len(added), OBSERVED, x.shape[1]))
     for k, index in enumerate(transitions.index):
         moved = transitions.navigation @ x[:NAVIGATION]
         moved += transitions.parameter[index] @ x[NAVIGATION:own]
         if about is not None:
             moved += about.navigation[k] @ x[own:]
             x[len(x) - about.wandering :] *= about.decay[:, None]
-        moved[:, modelled:] += added[k]
+        moved[:, len(rows) :] += added[k]
         x[:NAVIGATION] = moved
         innovation = x[OBSERVED_STATES].copy()
-        innovation[:, modelled:] -= offset
+        innovation[:, len(rows) :] -= offset
         x -= gain[k] @ innovation
         out[k] = gains.whitening[k] @ innovation
-    flat = out.reshape(OBSERVED * updates, -1)
-    return flat[:, :modelled], flat[:, modelled:]
+    flat = out.reshape(len(out) * OBSERVED, -1)
+    return flat[:, : len(rows)], flat[:, len(rows) :]
+
+
+def estimated(model: StateModel, constants: int) -> np.ndarray:
+    """Places of the constants that a filter estimates, of so many in the order of its estimator."""
+    return np.concatenate([model.columns, np.arange(COUNT, constants)])
+
+
+def attitude_columns(model: StateModel) -> slice:
+    """Place of the attitude at the start among those."""
+    return slice(len(model.columns), len(model.columns) + ATTITUDE)
+
+
+def std_of(system: System) -> np.ndarray:
+    """Prior standard deviations of a system's constants, SI, in the order of its estimator."""
+    return initial_constants(system.transitions, system.prior)

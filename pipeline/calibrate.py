@@ -16,12 +16,17 @@ Reads: noise estimator sensor calibration log out.
 
 from pathlib import Path
 
+from pipeline.charts import style
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
 from pipeline.console.output import refuse_other_ending, write_found, write_text
 from pipeline.console.terminal import show_rows
-from pipeline.logs.calibration import calibrated, compensation, content, page, rows
+from pipeline.logs.calibration import calibrated, read_log
+from pipeline.logs.evidence import evidence
+from pipeline.logs.result import compensation, content, figure, page, rows, said
+
+_SHOWN = 5
 
 
 @stage
@@ -30,15 +35,24 @@ def main(config: Config) -> None:
     if config.log is None:
         raise ConfigError("log = null: must be the path of a log's header")
     refuse_other_ending(config.out, ".json", "the page")
-    found = calibrated(config)
+    if config.out and Path(config.out).with_suffix(".yaml").resolve() == Path(config.log).resolve():
+        raise ConfigError(f"out = {config.out!r}: the compensation file would replace the header")
+    found = calibrated(read_log(config), config)
+    tests = evidence(found, config)
     headings = ("parameter", "unit"), ("estimate", "sigma")
-    show_rows(f"{found.header.data[0]}, axes: {config.calibration.frame}", *headings, rows(found))
-    about = content(found)
+    show_rows(f"{found.log.name}, axes: {config.calibration.frame}", *headings, rows(found))
+    about = content(found, tests, config)
     print(f"rests: {about['dwells']}, passes: {about['passes']}")
     print(f"innovations squared over expected: {about['innovation_ratio']:.3g}")
+    print(f"tests that speak against it: {len(tests.found)} of {len(tests.tests)}")
+    for one in tests.found[:_SHOWN]:
+        print("  {}: {}, chi-square {}, p {}".format(*said(one)))
     if config.out:
-        write_text(Path(config.out).with_suffix(".yaml"), compensation(found))
-        write_found(config.out, about, page(found, config))
+        place = Path(config.out)
+        style.save(figure(found, tests, config), place.with_suffix(".png"))
+        write_text(place.with_suffix(".yaml"), compensation(found))
+        written = page(found, tests, config, place.with_suffix(".png").name)
+        write_found(config.out, about, written)
 
 
 if __name__ == "__main__":

@@ -203,6 +203,13 @@ _RULES: dict[str, Rule] = {
     "calibration.frame": one_of("gyro", "accelerometer"),
     "calibration.prior_factor": POSITIVE,
     "calibration.rounds": COUNT,
+    "calibration.left_out": (
+        lambda v: all(n >= 1 for n in v) and len(set(v)) == len(v),
+        "a list of numbers of rests from 1, each once",
+    ),
+    "calibration.false_alarms": (lambda v: 0.0 < v < 0.5, "a number between 0 and 0.5"),
+    "calibration.power": (lambda v: 0.5 < v < 1.0, "a number between 0.5 and 1"),
+    "calibration.wander_time_s": POSITIVE,
     "rate_hz": (lambda v: 1.0 <= v <= 10_000.0, "a number from 1 to 10000"),
 }
 
@@ -225,6 +232,7 @@ _OPTIONAL_RULES: dict[str, Rule] = {
     "campaign.precision": (lambda v: 0.0 < v < 1.0, "a number between 0 and 1"),
     "only_run": INDEX,
     "out": FILE,
+    "calibration.compare_to": FILE,
     "a": STORE,
     "b": STORE,
     "campaigns": STORES,

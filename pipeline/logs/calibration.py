@@ -1,28 +1,31 @@
-"""A log calibrated: estimates with their sigmas, what it cannot give, and whether it fits."""
+"""A log calibrated: estimates with their sigmas, and which parameters it cannot give."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from inscal import units
-from inscal.estimator import CONSTANTS, Belief
+from inscal.estimator import CONSTANTS, Belief, initial_constants
+from inscal.first_guess import composed, first_guess
 from inscal.frames import DELAY, in_accelerometer_frame
 from inscal.motion import Site
 from inscal.parameters import AUGMENTATIONS, COUNT, NAMES
-from inscal.record_filter import Outcome, calibrate_record
-from inscal.recorded import Increments, whole_updates
+from inscal.record_filter import Outcome, calibrate_record, compensated
+from inscal.recorded import Increments, Stretch, whole_updates
 from pipeline.config.disturbance import key_of, size_of, unit_text
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError
-from pipeline.logs.checked import read_increments, rests_and_turns
+from pipeline.logs.checked import (
+    read_increments,
+    refuse_unobserved,
+    refuse_wrong_log,
+    rests_and_turns,
+)
 from pipeline.logs.header import Header, read_header
-from pipeline.words.render import render
+from pipeline.logs.planned import refuse_other_schedule
 
-_TEMPLATES = Path(__file__).parent / "templates"
 KNOWN = 0.5
 """Share of its prior sigma below which a log gives a parameter."""
 _STEP = 1e-3  # of a sigma, for derivatives
@@ -38,36 +41,109 @@ _UNITS: dict[str, tuple[str, float]] = {
 
 
 @dataclass(frozen=True)
-class Calibrated:
-    """Result of a log.
+class Log:
+    """A log as it was read.
 
     Attributes
     ----------
     header : Header
     record : Increments
-    outcome : Outcome
-    parameter, unit : list of str
-    estimate, std : ndarray
-        In these units.
-    given : list of bool
-        Whether the log gives the parameter.
+        Corrected by the first guess.
+    parts : list of Stretch
+        Rests and turns.
+    site : Site
+    belief : Belief
+    guess : ndarray, shape (27,)
+        First guess of the parameters, SI; zero if there was none.
     """
 
     header: Header
     record: Increments
+    parts: list[Stretch]
+    site: Site
+    belief: Belief
+    guess: np.ndarray
+
+    @property
+    def name(self) -> str:
+        """For messages."""
+        return self.header.data[0]
+
+    @property
+    def rests(self) -> list[Stretch]:
+        """Rests alone."""
+        return [part for part in self.parts if not part.turns]
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """Result of a log.
+
+    Attributes
+    ----------
+    log : Log
+    outcome : Outcome
+    parameter, unit : list of str
+    estimate, std : ndarray, shape (n,)
+        In these units.
+    covariance : ndarray, shape (n, n)
+        Likewise.
+    slope : ndarray, shape (n, c)
+        Derivatives of the estimates by the filter's own constants, which are SI.
+    given : list of bool
+        Whether the log gives the parameter.
+    """
+
+    log: Log
     outcome: Outcome
     parameter: list[str]
     unit: list[str]
     estimate: np.ndarray
     std: np.ndarray
+    covariance: np.ndarray
+    slope: np.ndarray
     given: list[bool]
 
 
-def calibrated(config: Config) -> Calibrated:
-    """Calibrate the log of a configuration.
+def read_log(config: Config) -> Log:
+    """Read the log of a configuration, and refuse what cannot be right.
 
     Parameters
     ----------
+    config : Config
+
+    Returns
+    -------
+    Log
+
+    Raises
+    ------
+    DataError
+        If the log cannot be used.
+    """
+    header, about = read_header(config.log or ""), config.calibration
+    site = Site(header.latitude_deg * units.DEGREE, header.height_m)
+    belief, name, guess = _belief(config), header.data[0], np.zeros(COUNT)
+    try:
+        record = whole_updates(read_increments(header), belief.update_interval)
+    except ValueError as error:
+        raise DataError(f"{name}: {error}") from None
+    refuse_unobserved(name, record, belief.update_interval)
+    parts = rests_and_turns(name, record)
+    if about.first_guess:
+        guess = first_guess(record, parts, site)
+        record = compensated(record, guess)
+    refuse_wrong_log(name, record, parts, site, spin_seen=not about.first_guess)
+    refuse_other_schedule(header, record, parts)
+    return Log(header, record, parts, site, belief, guess)
+
+
+def calibrated(log: Log, config: Config) -> Calibrated:
+    """Calibrate a log, or a part of one.
+
+    Parameters
+    ----------
+    log : Log
     config : Config
 
     Returns
@@ -77,30 +153,33 @@ def calibrated(config: Config) -> Calibrated:
     Raises
     ------
     DataError
-        If the log cannot be used, or the filter does not converge on it.
+        If the filter does not converge on it, or rests left out are none of its own.
     """
-    header = read_header(config.log or "")
-    site = Site(header.latitude_deg * units.DEGREE, header.height_m)
-    belief = _belief(config)
+    about = config.calibration
+    left_out = [number - 1 for number in about.left_out]
+    if left_out and not (min(left_out) > 0 and max(left_out) < len(log.rests)):
+        raise DataError(
+            f"{log.name}: calibration.left_out = {about.left_out}: must be rests from 2 to "
+            f"{len(log.rests)}"
+        )
     try:
-        record = whole_updates(read_increments(header), belief.update_interval)
-        parts = rests_and_turns(header.data[0], record, site)
         outcome = calibrate_record(
-            record,
-            parts,
-            site,
-            belief,
-            rounds=config.calibration.rounds,
-            at_rest=header.observation == "velocity_at_rest",
+            log.record,
+            log.parts,
+            log.site,
+            log.belief,
+            rounds=about.rounds,
+            at_rest=log.header.observation == "velocity_at_rest",
+            left_out=left_out,
         )
     except ValueError as error:
-        raise DataError(f"{header.data[0]}: {error}") from None
+        raise DataError(f"{log.name}: {error}") from None
     if outcome.calibration.reason[0]:
         raise DataError(
-            f"{header.data[0]}: the filter does not converge on this log; are site, noise and "
+            f"{log.name}: the filter does not converge on this log; are site, noise and "
             "state groups right?"
         )
-    return _in_frame(config, header, record, outcome, belief)
+    return _in_frame(log, outcome, config.calibration.frame)
 
 
 def _belief(config: Config) -> Belief:
@@ -117,37 +196,48 @@ def _belief(config: Config) -> Belief:
     )
 
 
-def _in_frame(
-    config: Config, header: Header, record: Increments, outcome: Outcome, belief: Belief
-) -> Calibrated:
+def _in_frame(log: Log, outcome: Outcome, frame: str) -> Calibrated:
     states = [*NAMES, *outcome.estimator.augmented_names]
-    own = np.r_[np.arange(COUNT), np.arange(CONSTANTS, CONSTANTS + len(states) - COUNT)]
+    own = constants_of(outcome)
     covariance = outcome.estimator.first.covariance[np.ix_(own, own)]
     values = np.concatenate([outcome.estimate, outcome.augmented])
-    about = outcome.estimator.augmented
-    further = about.transitions.constant_std if about else np.zeros(0)
-    prior = np.concatenate([belief.prior.parameter, further])
-    change = _plain if config.calibration.frame == "gyro" else in_accelerometer_frame
+    prior = initial_constants(outcome.transitions, log.belief.prior)[own]
+
+    def change(values: dict[str, float]) -> dict[str, float]:
+        whole = with_guess(log, values)
+        return whole if frame == "gyro" else in_accelerometer_frame(whole)
+
     found = change(dict(zip(states, values, strict=True)))
     slope = _slope(change, states, values, np.sqrt(np.diag(covariance)))
-    std = np.sqrt(np.diag(slope @ covariance @ slope.T))
+    spread = slope @ covariance @ slope.T
+    std = np.sqrt(np.diag(spread))
     before = np.sqrt(np.square(slope) @ np.square(prior))
-    named = [_unit(name) for name in found]
+    named = [unit_of(name) for name in found]
     size = np.array([unit for _, unit in named])
     return Calibrated(
-        header,
-        record,
+        log,
         outcome,
         list(found),
         [name for name, _ in named],
         np.array(list(found.values())) / size,
         std / size,
+        spread / np.outer(size, size),
+        slope / size[:, None],
         [bool(0.0 < s < KNOWN * p) for s, p in zip(std, before, strict=True)],
     )
 
 
-def _plain(values: dict[str, float]) -> dict[str, float]:
-    return values
+def constants_of(outcome: Outcome) -> np.ndarray:
+    """Places of parameters and augmented states among the constants of an estimator."""
+    return np.delete(np.arange(len(outcome.estimator.per_sigma)), range(COUNT, CONSTANTS))
+
+
+def with_guess(log: Log, values: dict[str, float]) -> dict[str, float]:
+    """What compensates the log's own numbers: the first guess, and what was found after it."""
+    if not log.guess.any():
+        return values
+    whole = composed(log.guess, np.array([values[name] for name in NAMES]))
+    return values | dict(zip(NAMES, whole.tolist(), strict=True))
 
 
 def _slope(
@@ -169,7 +259,7 @@ def _slope(
     return np.array(columns).T
 
 
-def _unit(name: str) -> tuple[str, float]:
+def unit_of(name: str) -> tuple[str, float]:
     """Unit of a result: its name, and its size in SI."""
     for begin, about in _UNITS.items():
         if name.startswith(begin):
@@ -178,64 +268,3 @@ def _unit(name: str) -> tuple[str, float]:
         return ("ppm", units.PPM) if name[-1] == name[-2] else ("arcsec", units.ARCSEC)
     key = key_of(next(g.source for g in AUGMENTATIONS.values() if name in g.names))
     return unit_text(key), size_of(key)[1]
-
-
-def content(found: Calibrated) -> dict[str, Any]:
-    """What was found, as it is written."""
-    rests = [part for part in found.outcome.parts if not part.turns]
-    interval = found.record.interval
-    return {
-        "parameter": found.parameter,
-        "unit": found.unit,
-        "estimate": found.estimate.tolist(),
-        "std": found.std.tolist(),
-        "given": found.given,
-        "dwells": len(rests),
-        "from_s": [part.first * interval for part in rests],
-        "to_s": [part.end * interval for part in rests],
-        "innovation_ratio": float(found.outcome.calibration.innovation_ratio[0]),
-        "passes": int(found.outcome.calibration.passes[0]),
-    }
-
-
-def compensation(found: Calibrated) -> str:
-    """Text of a compensation file: parameters of the sensor model in paper units, YAML."""
-    about = found.outcome
-    names = [*NAMES, *about.estimator.augmented_names]
-    values = np.concatenate([about.estimate, about.augmented])
-    named = [_unit(name) for name in names]
-    rows = [
-        (name, value / size, unit)
-        for name, value, (unit, size) in zip(names, values, named, strict=True)
-    ]
-    return render(_TEMPLATES, "compensation.yaml.jinja", log=found.header.data, rows=rows)
-
-
-def page(found: Calibrated, config: Config) -> str:
-    """One page on a calibrated log."""
-    data = content(found)
-    turns = [part for part in found.outcome.parts if part.turns]
-    return render(
-        _TEMPLATES,
-        "calibration.md.jinja",
-        log=found.header.data,
-        header=found.header,
-        frame=config.calibration.frame,
-        noise=config.noise.name,
-        duration=found.record.duration,
-        rate=1.0 / found.record.interval,
-        turns=len(turns),
-        **{key: data[key] for key in ("dwells", "innovation_ratio", "passes")},
-        rows=rows(found),
-        not_given=[n for n, given in zip(found.parameter, found.given, strict=True) if not given],
-    )
-
-
-def rows(found: Calibrated) -> list[tuple[str, str, str, str]]:
-    """Parameter, unit, estimate and sigma in words."""
-    return [
-        (name, unit, f"{value:.5g}", f"{std:.2g}" if given else "not given")
-        for name, unit, value, std, given in zip(
-            found.parameter, found.unit, found.estimate, found.std, found.given, strict=True
-        )
-    ]

@@ -4,7 +4,7 @@ import numpy as np
 
 from inscal import earth
 from inscal.motion import Site
-from inscal.recorded import Increments, Stretch, stretches
+from inscal.recorded import Increments, Stretch, stretches, turned_between
 from inscal.units import DEGREE
 from pipeline.console.errors import DataError
 from pipeline.logs.header import Header
@@ -49,13 +49,43 @@ def read_increments(about: Header) -> Increments:
         interval = float(f"{mean:.{_DIGITS}g}")
     _refuse_stuck(name, rows)
     turned = about.rotation
-    gyro = rows.gyro @ turned.T * about.gyro_unit_si
-    accel = rows.accel @ turned.T * about.accel_unit_si
+    gyro = (rows.gyro - about.gyro_offset) @ turned.T * about.gyro_unit_si
+    accel = (rows.accel - about.accel_offset) @ turned.T * about.accel_unit_si
     return Increments(
         interval,
         gyro if about.gyro_increments else gyro * interval,
         accel if about.accel_increments else accel * interval,
+        rows.observed,
     )
+
+
+def refuse_unobserved(name: str, record: Increments, update_interval: float) -> None:
+    """Refuse a log that does not have every observation that it says it has.
+
+    Parameters
+    ----------
+    name : str
+        Of the log, for messages.
+    record : Increments
+        A whole number of updates long.
+    update_interval : float
+        s.
+
+    Raises
+    ------
+    DataError
+        If one is missing.
+    """
+    if record.observed is None:
+        return
+    samples = round(update_interval / record.interval)
+    bad = ~np.isfinite(record.observed[samples - 1 :: samples]).all(axis=1)
+    if bad.any():
+        row = (int(np.argmax(bad)) + 1) * samples - 1
+        raise DataError(
+            f"{name}: {_where(row, (row + 1) * record.interval)}: no observation; one is due every "
+            f"{update_interval:g} s"
+        )
 
 
 def _where(row: int, seconds: float) -> str:
@@ -102,15 +132,14 @@ def _refuse_stuck(name: str, rows: Rows) -> None:
                     )
 
 
-def rests_and_turns(name: str, record: Increments, site: Site) -> list[Stretch]:
-    """Rests and turns of a log whose units, axes and site are believable.
+def rests_and_turns(name: str, record: Increments) -> list[Stretch]:
+    """Rests and turns of a log.
 
     Parameters
     ----------
     name : str
         Of the log, for messages.
     record : Increments
-    site : Site
 
     Returns
     -------
@@ -119,7 +148,7 @@ def rests_and_turns(name: str, record: Increments, site: Site) -> list[Stretch]:
     Raises
     ------
     DataError
-        If the numbers contradict gravity, each other, or the site.
+        If it turns faster than any table, never rests, or begins with a turn.
     """
     fastest = np.abs(record.angle).max() / record.interval
     if fastest > _FASTEST:
@@ -132,11 +161,37 @@ def rests_and_turns(name: str, record: Increments, site: Site) -> list[Stretch]:
         parts = stretches(record)
     except ValueError as error:
         raise DataError(f"{name}: {error}") from None
+    if parts[0].turns:
+        raise DataError(f"{name}: {_where(0, 0.0)}: begins with a turn; must begin at rest")
+    return parts
+
+
+def refuse_wrong_log(
+    name: str, record: Increments, parts: list[Stretch], site: Site, *, spin_seen: bool
+) -> None:
+    """Refuse a log whose units, axes or site cannot be right.
+
+    Parameters
+    ----------
+    name : str
+        Of the log, for messages.
+    record : Increments
+    parts : list of Stretch
+        Of the record.
+    site : Site
+    spin_seen : bool
+        Whether gyros that read about the Earth's rate at rest read it.
+
+    Raises
+    ------
+    DataError
+        If the numbers contradict gravity, each other, or the site.
+    """
     rests = [part for part in parts if not part.turns]
     _refuse_wrong_gravity(name, record, rests, site)
     _refuse_wrong_turns(name, record, parts)
-    _refuse_wrong_site(name, record, rests[0], site)
-    return parts
+    if spin_seen:
+        _refuse_wrong_site(name, record, rests[0], site)
 
 
 def _force(record: Increments, part: Stretch) -> np.ndarray:
@@ -157,17 +212,14 @@ def _refuse_wrong_gravity(name: str, record: Increments, rests: list[Stretch], s
 
 def _refuse_wrong_turns(name: str, record: Increments, parts: list[Stretch]) -> None:
     """Gyros must see the turns that gravity makes in the body."""
-    for before, turn, after in zip(parts[:-2], parts[1:-1], parts[2:], strict=True):
-        if not turn.turns:
-            continue
-        down = [-_force(record, part) for part in (before, after)]
+    inside = [n for n, part in enumerate(parts) if part.turns and 0 < n < len(parts) - 1]
+    bounds = np.array([(parts[n].first, parts[n].end) for n in inside]).reshape(-1, 2)
+    rotations = turned_between(record.angle, bounds, np.eye(3), np.zeros(3))
+    for n, rotation in zip(inside, rotations, strict=True):
+        turn = parts[n]
+        down = [-_force(record, part) for part in (parts[n - 1], parts[n + 1])]
         down = [one / np.linalg.norm(one) for one in down]
-        carried = down[0].tolist()
-        for a, b, c in record.angle[turn.first : turn.end].tolist():  # small: right to seconds
-            x, y, z = carried
-            carried = [x - b * z + c * y, y - c * x + a * z, z - a * y + b * x]
-        carried = np.array(carried) / np.linalg.norm(carried)
-        off = float(np.arccos(np.clip(carried @ down[1], -1.0, 1.0)))
+        off = float(np.arccos(np.clip(down[0] @ rotation @ down[1], -1.0, 1.0)))
         if off > _TURN:
             raise DataError(
                 f"{name}: {_where(turn.first, turn.first * record.interval)}: after this "

@@ -13,7 +13,7 @@ from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import ConfigError
 from pipeline.console.output import write_text, written
-from pipeline.logs.header import ACCEL, GYRO, TIME
+from pipeline.logs.header import ACCEL, GYRO, OBSERVED, TIME
 
 _ENDINGS = (".parquet", ".csv")
 
@@ -60,8 +60,10 @@ def frames(config: Config) -> Iterator[tuple[int, pd.DataFrame]]:
     time = step * np.arange(1, len(duration) + 1)
     for part, _, record in records(experiment, numbers):
         for lane, number in enumerate(numbers[part]):
-            values = np.column_stack([time, record.sensors[:, :, lane]])
-            yield number, pd.DataFrame(values, columns=[TIME, *GYRO, *ACCEL])
+            seen = np.full((len(time), len(OBSERVED)), np.nan)
+            seen[experiment.motion.update_step[1:] - 1] = record.observations[:, :, lane]
+            values = np.column_stack([time, record.sensors[:, :, lane], seen])
+            yield number, pd.DataFrame(values, columns=[TIME, *GYRO, *ACCEL, *OBSERVED])
 
 
 def write(config: Config) -> list[Path]:
@@ -96,6 +98,7 @@ def _header(config: Config, data: Path) -> str:
         "height_m": config.site.height_m,
         "gyro_unit": "rad",
         "accel_unit": "m/s",
+        "observed_columns": list(OBSERVED),
         "rate_hz": config.rate_hz,
         "schedule": config.schedule.name,
     }

@@ -33,6 +33,8 @@ TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 TIME = "time"
 """Columns of a table if a header does not say others."""
 GYRO, ACCEL = ([f"{sensor}_{axis}" for axis in "xyz"] for sensor in ("gyro", "accel"))
+OBSERVED = ("velocity_n", "velocity_e", "velocity_d", "position_n", "position_e", "position_d")
+"""Columns of observations, m/s and m from the site, of logs that `pipeline.export` writes."""
 _INCREMENTS = ("rad", "deg", "arcsec", "m/s")
 
 
@@ -52,9 +54,14 @@ class Header:
         Keys of `GYRO_UNITS` and `ACCEL_UNITS`; those without a time are increments.
     gyro_columns, accel_columns : list of str
         Of a table.
+    observed_columns : list of str or None
+        Of a table: velocity (m/s) and offset from the site (m), North, East and Down, at updates.
+        None: the unit is turned about a point that stands still.
     time_column, time_unit : str
     gyro_scale, accel_scale : float
         Units per number in the file, of counts say.
+    gyro_offset, accel_offset : float
+        Number in the file that stands for zero, of counts say.
     axes : list of str
         Body axes x, y, z in the file's: such as ``[y, -x, z]``. Right-handed.
     rate_hz : float or None
@@ -73,10 +80,13 @@ class Header:
     accel_unit: str = "m/s"
     gyro_columns: list[str] = field(default_factory=lambda: [*GYRO])
     accel_columns: list[str] = field(default_factory=lambda: [*ACCEL])
+    observed_columns: list[str] | None = None
     time_column: str = TIME
     time_unit: str = "s"
     gyro_scale: float = 1.0
     accel_scale: float = 1.0
+    gyro_offset: float = 0.0
+    accel_offset: float = 0.0
     axes: list[str] = field(default_factory=lambda: ["x", "y", "z"])
     rate_hz: float | None = None
     observation: str = "position_velocity"
@@ -165,7 +175,8 @@ def _check(path: str | Path, about: Header) -> None:
     for key, allowed in choices.items():
         if getattr(about, key) not in allowed:
             refuse(key, f"one of {', '.join(allowed)}")
-    for key in ("latitude_deg", "height_m", "gyro_scale", "accel_scale", "rate_hz"):
+    numbers = "latitude_deg", "height_m", "gyro_scale", "accel_scale", "gyro_offset"
+    for key in (*numbers, "accel_offset", "rate_hz"):
         value = getattr(about, key)
         if value is None and key == "rate_hz":
             continue
@@ -180,6 +191,9 @@ def _check(path: str | Path, about: Header) -> None:
         value = getattr(about, key)
         if not isinstance(value, list) or len(value) != 3 or len({str(v) for v in value}) != 3:
             refuse(key, "a list of three")
+    observed = about.observed_columns
+    if observed is not None and (not isinstance(observed, list) or len(set(observed)) != 6):
+        refuse("observed_columns", "null, or a list of six")
     if any(axis not in ("x", "y", "z", "-x", "-y", "-z") for axis in about.axes):
         refuse("axes", "three of x, y, z, -x, -y, -z")
     if not np.isclose(np.linalg.det(about.rotation), 1.0):

@@ -23,11 +23,14 @@ class Rows:
         s.
     gyro, accel : ndarray, shape (rows, 3)
         In the file's axes and numbers.
+    observed : ndarray, shape (rows, 6), or None
+        m/s and m.
     """
 
     time: np.ndarray
     gyro: np.ndarray
     accel: np.ndarray
+    observed: np.ndarray | None = None
 
 
 def read_rows(about: Header) -> Rows:
@@ -64,7 +67,8 @@ def read_frame(path: str, **options: Any) -> pd.DataFrame:
 def _table(about: Header) -> Rows:
     """Columns by name, of Parquet or CSV."""
     path = about.data[0]
-    wanted = [about.time_column, *about.gyro_columns, *about.accel_columns]
+    sensors = [about.time_column, *about.gyro_columns, *about.accel_columns]
+    wanted = sensors + (about.observed_columns or [])
     frame = read_frame(path, comment="#")
     for name in wanted:
         if name not in frame.columns:
@@ -74,11 +78,12 @@ def _table(about: Header) -> Rows:
     for name in wanted:
         if not pd.api.types.is_numeric_dtype(frame[name]):
             numbers = pd.to_numeric(frame[name], errors="coerce")
-            row = int(np.flatnonzero(numbers.isna())[0])
+            row = int(np.flatnonzero(numbers.isna() & frame[name].notna())[0])
             raise DataError(f"{path}: row {row + 1}: {name} = {frame[name][row]!r}: no number")
     values = frame[wanted].to_numpy(dtype=float)
     time = values[:, 0] * TIME_UNITS[about.time_unit]
-    return Rows(time, values[:, 1:4], values[:, 4:7])
+    observed = values[:, 7:] if about.observed_columns else None
+    return Rows(time, values[:, 1:4], values[:, 4:7], observed)
 
 
 def _psins_bin(about: Header) -> Rows:
