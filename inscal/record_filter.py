@@ -167,19 +167,31 @@ def calibrate_record(
     ValueError
         If the record begins with a turn, or is no whole number of updates long.
     """
-    start = parts[0]
-    if start.turns:
+    if parts[0].turns:
         raise ValueError("the record begins with a turn; it must begin at rest")
-    better, outcome = record, None
+    outcome = None
     for _ in range(rounds):
-        attitude = aligned(better, start, site)
-        steps, first = steps_of_record(better, parts, attitude, site, belief.update_interval)
-        path = RecordedPath(steps, motion_of(steps, site), site)
+        # of a long log all that is kept of a round is its estimate: the rest is half a gigabyte
+        estimate, outcome = None if outcome is None else outcome.estimate, None
+        path, first = _path(record, estimate, parts, site, belief.update_interval)
         observed = _observed(path, belief, at_rest, left_out)
         outcome = _calibrate(record, first, path, parts, belief, observed)
-        better = compensated(record, outcome.estimate)
     assert outcome is not None
     return outcome
+
+
+def _path(
+    record: Increments,
+    estimate: np.ndarray | None,
+    parts: Sequence[Stretch],
+    site: Site,
+    update_interval: float,
+) -> tuple[RecordedPath, np.ndarray]:
+    """Path that a record shows once compensated by an estimate, and first samples of its steps."""
+    better = record if estimate is None else compensated(record, estimate)
+    attitude = aligned(better, parts[0], site)
+    steps, first = steps_of_record(better, parts, attitude, site, update_interval)
+    return RecordedPath(steps, motion_of(steps, site), site), first
 
 
 def _calibrate(
@@ -258,13 +270,11 @@ def compensated(record: Increments, parameters: np.ndarray) -> Increments:
     -------
     Increments
     """
-    gyro, accel = sensor.matrices(parameters[:, None])[:, 0]
-    bias = parameters[:6].reshape(2, 3) * record.interval
-    return replace(
-        record,
-        angle=record.angle @ (np.eye(3) + gyro).T + bias[0],
-        velocity=record.velocity @ (np.eye(3) + accel).T + bias[1],
-    )
+    gyro, accel = np.eye(3) + sensor.matrices(parameters[:, None])[:, 0]
+    angle, velocity = record.angle @ gyro.T, record.velocity @ accel.T
+    angle += parameters[0:3] * record.interval
+    velocity += parameters[3:6] * record.interval
+    return replace(record, angle=angle, velocity=velocity)
 
 
 def forces_at_rest(

@@ -23,7 +23,7 @@ moved it by E c (E: what c does to the estimates); what of d^T C^-1 d the best c
 much it looks like that.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +33,7 @@ from scipy.optimize import brentq
 from inscal.estimator import Belief, Estimator, initial_constants
 from inscal.innovations import autocorrelation
 from inscal.record import OBSERVED
-from inscal.response import ConstantsResponse
+from inscal.response import ConstantsResponse, together
 from inscal.state_model import Transitions
 from inscal.traces import estimated, innovations
 
@@ -104,13 +104,20 @@ def traces_of(
     -------
     Traces
     """
-    every = dict(suspected)
+    count: dict[str, int] = {}
+
+    def counted() -> Iterator[ConstantsResponse]:
+        for name, each in suspected:
+            count[name] = each.navigation.shape[2]
+            yield each
+
+    constants = together(counted())
     std, translate = initial_constants(transitions, belief.prior), np.eye(len(estimator.pull))
     if number > 0:
         std = np.divide(1.0, estimator.per_tight, where=estimator.per_tight > 0.0, out=0.0 * std)
         translate = estimator.translate
     of_states, of_constants = innovations(
-        transitions, estimator.gains(number), belief.model, std, list(every.values())
+        transitions, estimator.gains(number), belief.model, std, constants
     )
     base, _ = np.linalg.qr(of_states)
     own = estimated(belief.model, len(std))
@@ -118,8 +125,9 @@ def traces_of(
     moved = translate[:, own] @ (std[own, None] * (of_states.T @ of_constants))
     of_constants -= base @ (base.T @ of_constants)
     out, first = {}, 0
-    for name, each in every.items():
-        columns = slice(first, first + each.navigation.shape[2])
+    del constants  # a hundred megabytes of a long record
+    for name, columns_of_it in count.items():
+        columns = slice(first, first + columns_of_it)
         out[name] = _trace(of_constants[:, columns], whole[columns], moved[:, columns])
         first = columns.stop
     return Traces(base, out)

@@ -5,6 +5,7 @@ the integral of Phi(t_end - t) u(t), u = a / duration in the states that it ente
 which are those of the axes and not of the body, by -1, velocity errors by +1.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -137,6 +138,15 @@ def of_parameters(
         moved = made.steps[rows] @ (each * scale[rows, None, None])
         out[begin:end] = np.add.reduceat(moved, bounds[begin:end] - bounds[begin], axis=0)
     return out
+
+
+def together(constants: Iterable[ConstantsResponse]) -> ConstantsResponse:
+    """Responses to several constants as one, in their order."""
+    every = list(constants)
+    return ConstantsResponse(
+        np.concatenate([each.navigation for each in every], axis=2),
+        np.concatenate([each.observation for each in every], axis=1),
+    )
 
 
 def of_constants(

@@ -13,8 +13,6 @@ is nothing beside h the constant *is* an error of the estimated parameters: no f
 and no judge of its innovations, tells them apart.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from inscal.budget import System, state_rows
@@ -22,7 +20,7 @@ from inscal.estimator import CONSTANTS, initial_constants
 from inscal.parameters import COUNT
 from inscal.record import OBSERVED
 from inscal.recursion import ATTITUDE, Gains
-from inscal.response import ConstantsResponse
+from inscal.response import ConstantsResponse, together
 from inscal.state_model import NAVIGATION, OBSERVED_STATES, StateModel, Transitions
 
 
@@ -43,7 +41,7 @@ def traces(system: System) -> dict[str, np.ndarray]:
     if not every:
         return {}
     of_states, of_constants = innovations(
-        system.transitions, system.gains, system.model, std_of(system), list(every.values())
+        system.transitions, system.gains, system.model, std_of(system), together(every.values())
     )
     base, _ = np.linalg.qr(np.delete(of_states, attitude_columns(system.model), axis=1))
     left = of_constants - base @ (base.T @ of_constants)
@@ -60,7 +58,7 @@ def innovations(
     gains: Gains,
     model: StateModel,
     std: np.ndarray,
-    constants: Sequence[ConstantsResponse],
+    constants: ConstantsResponse,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Innovations that errors leave behind, in units of their own covariance.
 
@@ -73,7 +71,7 @@ def innovations(
         Of both.
     std : ndarray, shape (c,)
         Sizes of the filter's constants, in the order of `inscal.estimator`, SI.
-    constants : sequence of ConstantsResponse
+    constants : ConstantsResponse
 
     Returns
     -------
@@ -86,8 +84,7 @@ def innovations(
     about, own = transitions.augmented, NAVIGATION + len(model.columns)
     size = std[estimated(model, len(std))]
     rows = [*range(NAVIGATION, own), *range(ATTITUDE), *range(own, own + len(std) - CONSTANTS)]
-    added = np.concatenate([each.navigation for each in constants], axis=2)
-    offset = np.concatenate([each.observation for each in constants], axis=1)
+    added, offset = constants.navigation, constants.observation
     gain = gains.gain[:, state_rows(model)]
     x = np.zeros((gain.shape[1], len(rows) + added.shape[2]))
     x[rows, range(len(rows))] = size

@@ -7,8 +7,9 @@ from inscal.motion import Site
 from inscal.recorded import Increments, Stretch, stretches, turned_between
 from inscal.units import DEGREE
 from pipeline.console.errors import DataError
+from pipeline.logs.formats.rows import Rows
 from pipeline.logs.header import Header
-from pipeline.logs.readers import Rows, read_rows
+from pipeline.logs.readers import read_rows
 
 _DIGITS = 8  # of an interval that times of single precision give
 _LATE = 0.5  # of an interval: a time that far from its place is wrong
@@ -49,12 +50,12 @@ def read_increments(about: Header) -> Increments:
         interval = float(f"{mean:.{_DIGITS}g}")
     _refuse_stuck(name, rows)
     turned = about.rotation
-    gyro = (rows.gyro - about.gyro_offset) @ turned.T * about.gyro_unit_si
-    accel = (rows.accel - about.accel_offset) @ turned.T * about.accel_unit_si
+    gyro_unit = about.gyro_unit_si * (1.0 if about.gyro_increments else interval)
+    accel_unit = about.accel_unit_si * (1.0 if about.accel_increments else interval)
     return Increments(
         interval,
-        gyro if about.gyro_increments else gyro * interval,
-        accel if about.accel_increments else accel * interval,
+        (rows.gyro - about.gyro_offset) @ (gyro_unit * turned.T),
+        (rows.accel - about.accel_offset) @ (accel_unit * turned.T),
         rows.observed,
     )
 
@@ -93,12 +94,14 @@ def _where(row: int, seconds: float) -> str:
 
 
 def _refuse_bad_numbers(name: str, rows: Rows) -> None:
-    every = np.column_stack([rows.time, rows.gyro, rows.accel])
-    bad = ~np.isfinite(every)
-    if bad.any():
-        row = int(np.flatnonzero(bad.any(axis=1))[0])
-        what = "time" if bad[row, 0] else "gyros" if bad[row, 1:4].any() else "accelerometers"
-        raise DataError(f"{name}: row {row + 1}: {what}: not finite")
+    bad = {}
+    for what, values in (("accelerometers", rows.accel), ("gyros", rows.gyro), ("time", rows.time)):
+        finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
+        if not finite.all():
+            bad[int(np.argmin(finite))] = what
+    if bad:
+        row = min(bad)
+        raise DataError(f"{name}: row {row + 1}: {bad[row]}: not finite")
 
 
 def _refuse_bad_times(name: str, time: np.ndarray, interval: float) -> None:
@@ -120,7 +123,8 @@ def _refuse_bad_times(name: str, time: np.ndarray, interval: float) -> None:
 def _refuse_stuck(name: str, rows: Rows) -> None:
     """A sensor at the end of its range repeats its largest number, and comes there at once."""
     for sensor, values in (("gyro", rows.gyro), ("accelerometer", rows.accel)):
-        for axis, column in zip("xyz", np.abs(values).T, strict=True):
+        for axis, signed in zip("xyz", values.T, strict=True):
+            column = np.abs(signed)
             top = column == column.max()
             edges = np.flatnonzero(np.diff(top, prepend=False, append=False)).reshape(-1, 2)
             for first, end in edges[np.diff(edges).ravel() >= _STUCK]:

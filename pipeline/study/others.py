@@ -16,7 +16,7 @@ from pipeline.campaign import judged, store
 from pipeline.config.schema import Config
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
-from pipeline.logs.readers import read_frame
+from pipeline.logs.formats.table import read_frame
 from pipeline.study.findings import contest, contest_verdict, joint_text
 from pipeline.words import markdown as md
 from pipeline.words.render import render

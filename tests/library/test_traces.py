@@ -15,7 +15,15 @@ from disturbed_case import (
 from inscal.budget import budget
 from inscal.disturbance import draw_constants
 from inscal.experiment import run_with_history
-from inscal.traces import innovations, traces
+from inscal.response import together
+from inscal.traces import innovations, std_of, traces
+
+
+def innovations_of(system):
+    """Of states and of all constants of a system."""
+    parts = system.transitions, system.gains, system.model, std_of(system)
+    return innovations(*parts, together(system.constants.values()))
+
 
 TRIED = ("accel_cubic", "table_offset", "gyro_accel_delay", "base_tilt", "observation_bias")
 
@@ -31,7 +39,7 @@ def test_innovations_move_as_those_of_a_whole_run(source):
     about = experiment.truth.disturbance
     drawn = draw_constants(about, source, len(SCHEDULE.turns), seed=9, runs=[3])[:, 0]
     made = system_of(experiment)
-    _, per_unit = innovations(made, list(made.constants.values()))
+    _, per_unit = innovations_of(made)
     expected = per_unit @ drawn
     assert np.linalg.norm(expected) > 1e-4
     assert np.linalg.norm(unit - expected) < 0.03 * np.linalg.norm(expected)
@@ -40,7 +48,7 @@ def test_innovations_move_as_those_of_a_whole_run(source):
 def test_a_parameters_own_error_leaves_no_trace():
     """The square root of what is left of parameters when parameters are taken out is rounding."""
     system = every_system()
-    of_parameters, _ = innovations(system, list(system.constants.values()))
+    of_parameters, _ = innovations_of(system)
     base, _ = np.linalg.qr(of_parameters)
     left = of_parameters - base @ (base.T @ of_parameters)
     assert np.linalg.norm(left) < 1e-12 * np.linalg.norm(of_parameters)
