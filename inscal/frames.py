@@ -16,7 +16,7 @@ which the accelerometers are ahead of the gyros.
 
 import numpy as np
 
-from inscal.parameters import INDEX, NAMES
+from inscal.parameters import GROUPS, INDEX, NAMES
 from inscal.sensor import matrices
 
 _AXES = "xyz"
@@ -63,3 +63,47 @@ def in_accelerometer_frame(values: dict[str, float]) -> dict[str, float]:
     if DELAY in values:
         out[DELAY] = -values[DELAY]
     return {name: float(value) for name, value in out.items()}
+
+
+ACCELEROMETER_FRAME = (
+    *(f"{kind}_{axis}" for kind in ("gyro_bias", "accel_bias") for axis in _AXES),
+    *(*_GYRO, *_ACCEL, *(f"accel_quadratic_{axis}" for axis in _AXES)),
+    *(f"lever_arm_{end}" for end in ARMS[:6]),
+)
+"""Names of what `in_accelerometer_frame` gives of the 27 parameters; arms are six."""
+
+
+def in_gyro_frame(values: dict[str, float]) -> dict[str, float]:
+    """Estimates in the accelerometers' frame as the 27 parameters: the way back.
+
+    Parameters
+    ----------
+    values : dict of str to float
+        SI, by `ACCELEROMETER_FRAME`.
+
+    Returns
+    -------
+    dict of str to float
+        By `inscal.parameters.NAMES`. An accelerometer's arm is the component along its own axis,
+        which is all that there is if it has no other; the z accelerometer's is the mean of what
+        both others say of it.
+    """
+    gyro = np.eye(3) + np.array([values[name] for name in _GYRO]).reshape(3, 3)
+    accel = np.eye(3)
+    for name in _ACCEL:
+        accel[int(name[-2]) - 1, int(name[-1]) - 1] += values[name]
+    turned, upper = np.linalg.qr(gyro.T)  # gyro @ turned is lower triangular
+    turned = turned * np.sign(np.diag(upper))
+    gyro, accel = gyro @ turned, accel @ turned
+    out: dict[str, float] = {}
+    for kind, reported in (("gyro", gyro), ("accel", accel)):
+        inverse = np.linalg.inv(reported)
+        bias = inverse @ [values[f"{kind}_bias_{axis}"] for axis in _AXES]
+        out |= {f"{kind}_bias_{axis}": value for axis, value in zip(_AXES, bias, strict=True)}
+        error = inverse - np.eye(3)
+        out |= {n: error[int(n[-2]) - 1, int(n[-1]) - 1] for n in GROUPS[f"{kind}_k"]}
+    out |= {f"accel_quadratic_{a}": values[f"accel_quadratic_{a}"] for a in _AXES}
+    arms = np.array([values[f"lever_arm_{end}"] for end in ARMS[:6]]).reshape(2, 3) @ turned
+    along = -arms[0, 0], -arms[1, 1], arms[:, 2].mean()
+    out |= {f"lever_arm_{axis}": value for axis, value in zip(_AXES, along, strict=True)}
+    return {name: float(out[name]) for name in NAMES}

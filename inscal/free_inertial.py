@@ -12,6 +12,8 @@ from inscal import navigation
 from inscal.kernel import compiled
 from inscal.motion import Motion, Site
 from inscal.navigation import advance, site_constants, straightened
+from inscal.recorded import Increments, Stretch, aligned, compensated
+from inscal.rotation import RAMP_TERMS
 from inscal.sensor import compensate, compensate_in_ramp
 
 HORIZONTAL = 4
@@ -64,6 +66,48 @@ def fly(
     path = motion.duration, motion.ramp_terms
     navigate(state, sensors, known, *path, site_constants(site), every, course)
     time = np.cumsum(motion.duration)[every - 1 :: every]
+    return Flight(time, course[:, :2], course[:, 2:] * site.metres[:2, None])
+
+
+def fly_record(
+    record: Increments, rest: Stretch, parameters: np.ndarray, site: Site, *, every: int
+) -> Flight:
+    """Navigate a record freely, from its own alignment in a rest at its beginning.
+
+    Parameters
+    ----------
+    record : Increments
+        Of a unit that stays at the site.
+    rest : Stretch
+        That it begins with; its mean attitude is taken for that at the start.
+    parameters : ndarray, shape (27, lanes)
+        What it is compensated by, and aligned with, SI.
+    site : Site
+    every : int
+        Samples from one entry of the course to the next.
+
+    Returns
+    -------
+    Flight
+    """
+    lanes, samples = parameters.shape[1], len(record.angle)
+    first = record.part(rest.first, rest.end)
+    whole = Stretch(0, rest.end - rest.first, False)
+    attitudes = [aligned(compensated(first, one), whole, site) for one in parameters.T]
+    state = initial_state(np.stack(attitudes, axis=2))
+    both = np.concatenate([record.angle, record.velocity], axis=1)
+    course = np.empty((samples // every, HORIZONTAL, lanes))
+    navigate(
+        state,
+        np.ascontiguousarray(np.broadcast_to(both[:, :, None], (samples, 6, lanes))),
+        np.ascontiguousarray(parameters),
+        np.full(samples, record.interval),
+        np.zeros((samples, RAMP_TERMS)),
+        site_constants(site),
+        every,
+        course,
+    )
+    time = record.interval * every * np.arange(1, len(course) + 1)
     return Flight(time, course[:, :2], course[:, 2:] * site.metres[:2, None])
 
 

@@ -27,6 +27,7 @@ from inscal.recorded import (
     Stretch,
     aligned,
     coarser,
+    compensated,
     steps_of_record,
 )
 from inscal.response import Response, of_parameters, response
@@ -255,26 +256,6 @@ def _observed(
 
 def _lanes(values: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(np.broadcast_to(values[..., None], (*values.shape, LANES)))
-
-
-def compensated(record: Increments, parameters: np.ndarray) -> Increments:
-    """Increments corrected by biases and matrices, which is all that rests and turns are found by.
-
-    Parameters
-    ----------
-    record : Increments
-    parameters : ndarray, shape (27,)
-        SI.
-
-    Returns
-    -------
-    Increments
-    """
-    gyro, accel = np.eye(3) + sensor.matrices(parameters[:, None])[:, 0]
-    angle, velocity = record.angle @ gyro.T, record.velocity @ accel.T
-    angle += parameters[0:3] * record.interval
-    velocity += parameters[3:6] * record.interval
-    return replace(record, angle=angle, velocity=velocity)
 
 
 def forces_at_rest(

@@ -11,7 +11,7 @@ feel; once there are estimates, compensated increments make it better.
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,7 @@ from inscal import earth
 from inscal.kernel import compiled
 from inscal.motion import Site, Steps
 from inscal.path import Path
+from inscal.sensor import matrices
 
 WINDOW = 0.5
 """Time over which rates are averaged to tell a turn from a rest, s."""
@@ -156,6 +157,26 @@ def _triad(first: np.ndarray, second: np.ndarray) -> np.ndarray:
     y = np.cross(x, second)
     y /= np.linalg.norm(y)
     return np.stack([x, y, np.cross(x, y)], axis=1)
+
+
+def compensated(record: Increments, parameters: np.ndarray) -> Increments:
+    """Increments corrected by biases and matrices, which is all that rests and turns are found by.
+
+    Parameters
+    ----------
+    record : Increments
+    parameters : ndarray, shape (27,)
+        SI.
+
+    Returns
+    -------
+    Increments
+    """
+    gyro, accel = np.eye(3) + matrices(parameters[:, None])[:, 0]
+    angle, velocity = record.angle @ gyro.T, record.velocity @ accel.T
+    angle += parameters[0:3] * record.interval
+    velocity += parameters[3:6] * record.interval
+    return replace(record, angle=angle, velocity=velocity)
 
 
 def whole_updates(record: Increments, update_interval: float) -> Increments:

@@ -17,6 +17,7 @@ Reads: noise estimator sensor calibration log out.
 from pathlib import Path
 
 from pipeline.charts import style
+from pipeline.charts.log import residuals
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
@@ -24,7 +25,7 @@ from pipeline.console.output import refuse_other_ending, write_found, write_text
 from pipeline.console.terminal import show_rows
 from pipeline.logs.calibration import calibrated, read_log
 from pipeline.logs.evidence import evidence
-from pipeline.logs.result import compensation, content, figure, page, rows, said
+from pipeline.logs.result import compensation, content, page, rows, said
 
 _SHOWN = 5
 
@@ -49,7 +50,7 @@ def main(config: Config) -> None:
         print("  {}: {}, chi-square {}, p {}".format(*said(one)))
     if config.out:
         place = Path(config.out)
-        style.save(figure(found, tests, config), place.with_suffix(".png"))
+        style.save(residuals(found, tests, config.calibration.left_out), place.with_suffix(".png"))
         write_text(place.with_suffix(".yaml"), compensation(found))
         written = page(found, tests, config, place.with_suffix(".png").name)
         write_found(config.out, about, written)

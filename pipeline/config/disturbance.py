@@ -1,5 +1,6 @@
 """Configuration group `disturbance`: keys of what truth holds beyond the filter's model, and SI."""
 
+import re
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -210,4 +211,5 @@ def unit_text(key: str) -> str:
     """Unit that a key ends with, such as ``ug/g^3``."""
     ending = next(ending for ending in _UNITS if key.endswith(f"_{ending}"))
     powers = ending.replace("g2", "g^2").replace("g3", "g^3")
-    return powers.replace("_per_sqrt_", "/sqrt(").replace("_per_", "/")
+    roots = re.sub(r"_per_sqrt_(\w+)", r"/sqrt(\1)", powers)
+    return roots.replace("_per_", "/")

@@ -371,6 +371,12 @@ bounds, design, calibration : object
         Table of another program's estimates, and what its columns are.
     log : str or None
         Header of a log.
+    compensation : str or None
+        File of parameters that compensate a log.
+    name : str or None
+        Of the configuration files that a stage writes.
+    baseline : str or None
+        Folder of the baseline of another program's estimates.
     rate_hz : float
         Samples a second of an exported log.
     runs : str or None
@@ -406,6 +412,9 @@ bounds, design, calibration : object
     estimates: str | None = None
     mapping: str | None = None
     log: str | None = None
+    compensation: str | None = None
+    name: str | None = None
+    baseline: str | None = None
     rate_hz: float = 100.0
     runs: str | None = None
     campaigns: list[str] | None = None

@@ -11,8 +11,8 @@ from inscal.first_guess import composed, first_guess
 from inscal.frames import DELAY, in_accelerometer_frame
 from inscal.motion import Site
 from inscal.parameters import AUGMENTATIONS, COUNT, NAMES
-from inscal.record_filter import Outcome, calibrate_record, compensated
-from inscal.recorded import Increments, Stretch, whole_updates
+from inscal.record_filter import Outcome, calibrate_record
+from inscal.recorded import Increments, Stretch, compensated, whole_updates
 from pipeline.config.disturbance import key_of, size_of, unit_text
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup

@@ -26,7 +26,7 @@ from pipeline.logs.pairs import Pair, beside, halves_of, traces_in
 
 LAGS = 20
 """Of the autocorrelations, in updates."""
-_LEAST = 30  # degrees of freedom of a rest that is judged
+_LEAST = 10  # degrees of freedom of a rest that is judged
 _AXES = ("velocity N", "velocity E", "velocity D", "position N", "position E", "position D")
 
 

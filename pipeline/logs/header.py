@@ -10,7 +10,7 @@ import yaml
 from inscal import units
 from pipeline.console.errors import DataError
 
-FORMATS = ("table", "psins_bin", "psins_imu", "counts", "novatel")
+FORMATS = ("table", "psins_bin", "psins_imu", "counts", "novatel", "float64")
 """Readable formats, of `pipeline.logs.formats`."""
 OBSERVATIONS = ("position_velocity", "velocity_at_rest")
 """What of the unit's place is known: where it is at all times, or that it does not move at rest."""

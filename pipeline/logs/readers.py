@@ -4,7 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pipeline.console.errors import DataError
-from pipeline.logs.formats import counts, novatel, psins, table
+from pipeline.logs.formats import binary, counts, novatel, psins, table
 from pipeline.logs.formats.rows import Rows
 from pipeline.logs.header import Header
 
@@ -14,6 +14,7 @@ _READERS: dict[str, Callable[[Header], Rows]] = {
     "psins_imu": psins.read_imu,
     "counts": counts.read,
     "novatel": novatel.read,
+    "float64": binary.read,
 }
 
 

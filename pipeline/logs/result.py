@@ -4,13 +4,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from inscal import earth, units
-from inscal.chance import chi_square_limits
+from inscal import earth
 from inscal.parameters import NAMES
 from inscal.record_filter import forces_at_rest
-from pipeline.charts.log import residuals
 from pipeline.config.schema import Config
 from pipeline.logs.calibration import Calibrated, unit_of, with_guess
 from pipeline.logs.evidence import LAGS, Evidence, Test
@@ -33,7 +30,7 @@ def content(found: Calibrated, evidence: Evidence, config: Config) -> dict[str, 
         "dwells": len(rests),
         "from_s": [part.first * interval for part in rests],
         "to_s": [part.end * interval for part in rests],
-        "force_less_gravity_m_per_s2": _force(found).tolist(),
+        "force_less_gravity_m_per_s2": force_less_gravity(found).tolist(),
         "left_out": config.calibration.left_out,
         "innovation_ratio": evidence.ratio,
         "passes": int(found.outcome.calibration.passes[0]),
@@ -74,7 +71,7 @@ def page(found: Calibrated, evidence: Evidence, config: Config, figure: str) -> 
         Markdown.
     """
     log, about = found.log, config.calibration
-    force = _force(found)
+    force = force_less_gravity(found)
     left_out = [number - 1 for number in about.left_out]
     return render(
         _TEMPLATES,
@@ -117,23 +114,7 @@ def said(test: Test) -> tuple[str, str, str, str]:
     return test.kind, test.name, f"{test.chi_square:.3g} / {test.dof:.3g}", p
 
 
-def figure(found: Calibrated, evidence: Evidence, config: Config) -> Figure:
-    """Residuals, rest by rest."""
-    count = len(found.log.rests)
-    ratio, low, high = np.full((3, count), np.nan)
-    for one in evidence.tests:
-        if one.kind == "position":
-            place = int(one.name) - 1
-            ratio[place] = one.chi_square / one.dof
-            low[place], high[place] = np.array(chi_square_limits(one.dof)) / one.dof
-    force = _force(found)
-    is_small = np.abs(force).max() < 1e-3
-    scaled, unit = (force / units.MICRO_G, "ug") if is_small else (force, "m/s$^2$")
-    left_out = [number - 1 for number in config.calibration.left_out]
-    return residuals(ratio, (low, high), scaled, unit, left_out)
-
-
-def _force(found: Calibrated) -> np.ndarray:
+def force_less_gravity(found: Calibrated) -> np.ndarray:
     """Length of the compensated specific force of each rest less gravity, m/s^2."""
     log = found.log
     force = forces_at_rest(log.record, log.parts, found.outcome.estimate)

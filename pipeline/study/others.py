@@ -1,6 +1,5 @@
 """Estimates of any program, judged by the campaign whose runs they are of."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -8,7 +7,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import xarray as xr
-import yaml
 
 from inscal.parameters import NAMES, UNITS
 from inscal.summary import summarize
@@ -16,14 +14,12 @@ from pipeline.campaign import judged, store
 from pipeline.config.schema import Config
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
-from pipeline.logs.formats.table import read_frame
+from pipeline.study.estimates import STD, read_estimates
 from pipeline.study.findings import contest, contest_verdict, joint_text
 from pipeline.words import markdown as md
 from pipeline.words.render import render
 
 _TEMPLATES = Path(__file__).parent / "templates"
-_STD = "_std"
-_KEYS = ("parameter", "factor")
 
 
 @dataclass(frozen=True)
@@ -67,8 +63,7 @@ def judge(config: Config) -> Judged:
     """
     path, place = str(config.estimates), config.campaign.store
     own = store.read(place)
-    table = renamed(read_table(path), read_mapping(config.mapping), path)
-    theirs, with_std = as_campaign(table, own, path)
+    theirs, with_std = as_campaign(read_estimates(config), own, path)
     names = [str(name) for name in theirs["parameter"].values]
     ours = own.sel(parameter=names, run=theirs["run"])
     bound = judged.bounds_of(config).sel(parameter=names)
@@ -80,100 +75,13 @@ def judge(config: Config) -> Judged:
     return Judged(names, with_std, *(json_data(judged.as_json(one)) for one in (found, pair)))
 
 
-def read_table(path: str) -> pd.DataFrame:
-    """Read a table of CSV or Parquet; DataError if there is none."""
-    try:
-        return read_frame(path)
-    except FileNotFoundError:
-        raise DataError(f"estimates = {path}: not found") from None
-    except (OSError, ValueError, UnicodeError) as error:
-        line = str(error).splitlines()[0][:80]
-        raise DataError(f"estimates = {path}: must be a table, CSV or Parquet ({line})") from None
-
-
-def read_mapping(path: str | None) -> dict[str, dict[str, Any]]:
-    """Read what columns mean that have other names or units.
-
-    Parameters
-    ----------
-    path : str or None
-        YAML file: for each column its `parameter` and a `factor` to the project's printed unit.
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    DataError
-        If it is no such file.
-    """
-    if path is None:
-        return {}
-    try:
-        found = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeError, yaml.YAMLError):
-        raise DataError(f"mapping = {path}: must be a readable YAML file") from None
-    if not isinstance(found, dict):
-        raise DataError(f"mapping = {path}: must say column: {{parameter: ..., factor: ...}}")
-    out = {}
-    for column, about in found.items():
-        about = {"parameter": about} if isinstance(about, str) else about
-        if not isinstance(about, dict) or not set(about) <= set(_KEYS):
-            raise DataError(f"{path}: {column}: must have {' and '.join(_KEYS)} and no other key")
-        factor = about.get("factor", 1.0)
-        if isinstance(factor, bool) or not isinstance(factor, int | float) or factor == 0:
-            raise DataError(f"{path}: {column}: factor = {factor!r}: must be a number, not zero")
-        if about.get("parameter") not in NAMES:
-            raise DataError(
-                f"{path}: {column}: parameter = {about.get('parameter')!r}: must be one of the "
-                f"{len(NAMES)}, such as {NAMES[0]}"
-            )
-        out[str(column)] = {"parameter": about["parameter"], "factor": float(factor)}
-    return out
-
-
-def renamed(table: pd.DataFrame, mapping: Mapping[str, Any], path: str) -> pd.DataFrame:
-    """Table with the project's names and units.
-
-    Raises
-    ------
-    DataError
-        If a column is unknown, or means what another does.
-    """
-    out: dict[str, np.ndarray] = {}
-    for column in table.columns:
-        name, factor, ending = str(column), 1.0, ""
-        if name.endswith(_STD) and name not in mapping:
-            name, ending = name.removesuffix(_STD), _STD
-        if name in mapping:
-            name, factor = mapping[name]["parameter"], mapping[name]["factor"]
-        if name != "run" and name not in NAMES:
-            raise DataError(
-                f"estimates = {path}: column {column}: no parameter; rename it, or say what it is "
-                "in a mapping"
-            )
-        if name + ending in out:
-            raise DataError(f"estimates = {path}: column {column}: {name} is there twice")
-        values = pd.to_numeric(table[column], errors="coerce").to_numpy(dtype=float)
-        bad = np.isnan(values) & ~table[column].isna().to_numpy()
-        if bad.any():
-            row = int(np.flatnonzero(bad)[0])
-            raise DataError(
-                f"estimates = {path}: row {row + 1}: {column} = {table[column].iloc[row]!r}: no "
-                "number"
-            )
-        out[name + ending] = abs(factor) * values if ending else factor * values
-    return pd.DataFrame(out)
-
-
 def as_campaign(table: pd.DataFrame, own: xr.Dataset, path: str) -> tuple[xr.Dataset, list[str]]:
     """Estimates as a campaign of the runs asked for, those that are missing failed.
 
     Parameters
     ----------
     table : DataFrame
-        Of `renamed`.
+        Of `read_estimates`.
     own : xarray.Dataset
         The campaign, which has the truth.
     path : str
@@ -210,7 +118,7 @@ def as_campaign(table: pd.DataFrame, own: xr.Dataset, path: str) -> tuple[xr.Dat
     estimate[place] = table[names].to_numpy(dtype=float)[first]
     done = np.isfinite(estimate).all(axis=1)
     truth = own["truth"].sel(parameter=names, run=known).transpose("run", "parameter").to_numpy()
-    with_std = [name for name in names if name + _STD in table]
+    with_std = [name for name in names if name + STD in table]
     sigma, nees = _sigmas(table, names, with_std, estimate - truth, place, first, path)
     coordinates = {"run": known, "parameter": names}
     units = [UNITS[NAMES.index(name)] for name in names]
@@ -237,9 +145,9 @@ def _sigmas(table, names, with_std, error, place, first, path):
     for column, name in enumerate(names):
         if name not in with_std:
             continue
-        own = table[name + _STD].to_numpy(dtype=float)[first]
+        own = table[name + STD].to_numpy(dtype=float)[first]
         if not (own > 0.0).all():
-            raise DataError(f"estimates = {path}: {name}{_STD}: must be above zero in every run")
+            raise DataError(f"estimates = {path}: {name}{STD}: must be above zero in every run")
         sigma[column] = np.sqrt(np.mean(own**2))
         nees[place] += np.square(error[place, column] / own)
     return sigma, nees
