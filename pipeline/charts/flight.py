@@ -27,10 +27,8 @@ def errors(flight: Flight, names: tuple[str, str]) -> Figure:
     rows = (flight.velocity, "velocity error, m/s"), (flight.position, "position error, m")
     for line, (values, label) in zip(figure.subplots(2, 2, sharex=True), rows, strict=True):
         for lane, (axes, name) in enumerate(zip(line, names, strict=True)):
-            for direction, color, course in zip(
-                _DIRECTIONS, _COLORS, values[:, :, lane].T, strict=True
-            ):
-                axes.plot(flight.time, course, color=color, label=direction)
+            for place, (direction, color) in enumerate(_LINES.items()):
+                axes.plot(flight.time, values[:, place, lane], color=color, label=direction)
             axes.axhline(0.0, color="#999999", linewidth=0.8)
             axes.set_ylabel(label)
             if values is flight.velocity:

@@ -25,6 +25,9 @@ BASELINE = Path("results/baseline")
 VERDICTS = ("identical", "changed, no worse", "worse")
 """From good to bad; the worst of the cases is that of all."""
 
+_LEAST_P = 1e-300
+"""What double precision makes of smaller p-values is no number."""
+
 
 def campaign(case: Case) -> Sample:
     """Campaign of a case.
@@ -135,7 +138,7 @@ def lines(judgement: Judgement) -> list[str]:
     out = ["same data" if judgement.same_data else "other data: only a large loss can be told"]
     out += [
         f"{loss.name}: RMSE {_interval(loss.ratio, loss.lower, loss.upper)} of the baseline's, "
-        f"adjusted p {loss.p_value:.1g}"
+        f"adjusted p {_p_text(loss.p_value)}"
         for loss in judgement.losses
     ]
     out += [_check_line(check) for check in judgement.checks if not check.passed]
@@ -145,6 +148,10 @@ def lines(judgement: Judgement) -> list[str]:
         shown = _interval(ratios.ratio[most], ratios.lower[most], ratios.upper[most])
         out.append(f"largest of {len(names)}: {names[most]}, RMSE {shown} of the baseline's")
     return out
+
+
+def _p_text(p: float) -> str:
+    return f"{p:.1g}" if p > _LEAST_P else f"below {_LEAST_P:g}"
 
 
 def _interval(ratio: float, lower: float, upper: float) -> str:
