@@ -19,8 +19,9 @@ is chi-square of as many degrees as V has columns, and with the suspect there it
 
 **Two calibrations** of one unit differ by d, with covariance C, the sum of theirs where neither
 has the other's data or a tight prior: d^T C^-1 d is chi-square. A suspect that came between them
-moved it by E c (E: what c does to the estimates); what of d^T C^-1 d the best c explains says how
-much it looks like that.
+moved it by E c (E: what c does to the estimates). With c normal, of the suspect's size s and the
+covariance V at size one, d has the covariance C + s^2 E V E^T; how much likelier that makes d, at
+the likeliest s, says how much it looks like the suspect.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -28,7 +29,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from inscal.estimator import Belief, Estimator, initial_constants
 from inscal.innovations import autocorrelation
@@ -295,26 +296,43 @@ def smallest_wander(trace: Trace, variance: np.ndarray, level: float, power: flo
     return float(np.exp(brentq(missed, about - 10.0, about + 20.0)))
 
 
-def explained(difference: np.ndarray, covariance: np.ndarray, moved: np.ndarray) -> float:
-    """What of the chi-square of a difference the best constants of a suspect explain.
+def likeness(
+    difference: np.ndarray, covariance: np.ndarray, moved: np.ndarray, variance: np.ndarray
+) -> tuple[float, float]:
+    """How much likelier a difference is with a suspect than without, and at which size of it.
 
     Parameters
     ----------
     difference : ndarray, shape (n,)
     covariance : ndarray, shape (n, n)
-        Of it, not singular.
+        Of it without the suspect, not singular.
     moved : ndarray, shape (n, m)
         What the suspect's constants do to it.
+    variance : ndarray, shape (m,)
+        Of the constants, at size one.
 
     Returns
     -------
-    float
-        At most d^T C^-1 d; chi-square of m degrees of freedom (of its rank) by chance.
+    log_ratio : float
+        Logarithm of the likelihood ratio at the likeliest size, at least 0.
+    size : float
+        The likeliest size.
     """
     sigma = np.sqrt(np.diag(covariance))
     root = np.linalg.cholesky(covariance / np.outer(sigma, sigma))
     whitened = np.linalg.solve(root, difference / sigma)
-    columns = np.linalg.solve(root, moved / sigma[:, None])
-    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
-    basis, size, _ = np.linalg.svd(columns, full_matrices=False)
-    return float(np.square(basis[:, size > 1e-6].T @ whitened).sum())
+    basis, spread, _ = np.linalg.svd(
+        np.linalg.solve(root, moved * np.sqrt(variance) / sigma[:, None]), full_matrices=False
+    )
+    if not spread.max() > 0.0:
+        return 0.0, 0.0
+    squared, unit = np.square(basis.T @ whitened), np.square(spread / spread.max())
+
+    def worse(logarithm: float) -> float:
+        grown = np.exp(2.0 * logarithm) * unit
+        return float(-0.5 * np.sum(squared * grown / (1.0 + grown) - np.log1p(grown)))
+
+    tried = np.linspace(-5.0, 15.0, 81)
+    best = tried[int(np.argmin([worse(one) for one in tried]))]
+    found = minimize_scalar(worse, bounds=(best - 0.25, best + 0.25), method="bounded")
+    return max(0.0, -found.fun), float(np.exp(found.x) / spread.max())

@@ -20,6 +20,8 @@ from pipeline.gate import judge
 from pipeline.gate.baseline import sample_of
 from pipeline.gate.cases import cases
 
+pytest_plugins = ["log_case"]
+
 # compilation happens in the middle of an example; examples are the same in every run
 settings.register_profile("inscal", deadline=None, derandomize=True)
 settings.load_profile("inscal")

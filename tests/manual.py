@@ -326,7 +326,7 @@ RULES: dict[str, Rule] = {
     "campaign, fewer runs": Rule(lambda c: simulates(c, least=LARGEST + 1, most=10**9), small),
     "stage as written": Rule(
         stage(
-            "predict|design|export|calibrate|judge|budget|observe|summarize|compare|consistency|regress|report"
+            "predict|design|export|calibrate|noise|navigate|judge|budget|observe|summarize|compare|consistency|regress|report"
         ),
         as_written,
     ),

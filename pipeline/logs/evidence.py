@@ -7,7 +7,6 @@ import numpy as np
 
 from inscal.chance import chi_square_p, too_long_p
 from inscal.comparison_statistics import holm
-from inscal.parameters import NAMES
 from inscal.record_filter import Outcome
 from inscal.record_tests import (
     Traces,
@@ -17,12 +16,11 @@ from inscal.record_tests import (
     smallest_wander,
     whiteness,
 )
-from inscal.suspects import DRIFT, WANDERING, wander_covariance
-from pipeline.config.disturbance import key_of, size_of, unit_text
+from inscal.suspects import WANDERING, wander_covariance
 from pipeline.config.schema import Config
 from pipeline.console.errors import DataError
-from pipeline.logs.calibration import Calibrated, unit_of
-from pipeline.logs.pairs import Pair, beside, halves_of, traces_in
+from pipeline.logs.calibration import Calibrated
+from pipeline.logs.pairs import Like, Pair, beside, halves_of, traces_in, unit_of_suspect
 
 LAGS = 20
 """Of the autocorrelations, in updates."""
@@ -63,9 +61,8 @@ class Evidence:
     tests : list of Test
     findable : dict of str to (float, str) or None
         Smallest size of each suspect that is found, and its unit; None where none is.
-    alike : dict of str to list of (str, float)
-        Of ``halves`` and ``other``, where they differ: suspects, and the share of chi-square that
-        each explains, those that look most like it first.
+    alike : dict of str to list of Like
+        Of ``halves`` and ``other``, where they differ.
     no_halves : str or None
         Why halves were not compared, where they were to be.
     ratio : float
@@ -74,7 +71,7 @@ class Evidence:
 
     tests: list[Test]
     findable: dict[str, tuple[float, str] | None]
-    alike: dict[str, list[tuple[str, float]]]
+    alike: dict[str, list[Like]]
     no_halves: str | None
     ratio: float
 
@@ -118,7 +115,8 @@ def evidence(found: Calibrated, config: Config) -> Evidence:
     level = holm([one.p for one in tests]) <= about.false_alarms
     tests = [replace(one, found=bool(is_found)) for one, is_found in zip(tests, level, strict=True)]
     differ = {one.kind for one in tests if one.found}
-    alike = {kind: pair.alike() for kind, pair in pairs.items() if kind in differ}
+    about_wander = about.wander_time_s, found.log.record.duration
+    alike = {kind: pair.alike(*about_wander) for kind, pair in pairs.items() if kind in differ}
     alarm = about.false_alarms / len(tests)
     everything = [slice(0, len(outcome.unit))]
     total, dof = positions(traces, outcome.unit[..., None], outcome.seen, everything)
@@ -156,7 +154,7 @@ def _findable(
     about, duration = config.calibration, found.log.record.duration
     out: dict[str, tuple[float, str] | None] = {}
     for name, trace in traces.suspects.items():
-        unit, si = _unit(name)
+        unit, si = unit_of_suspect(name)
         if name in WANDERING:
             variance = wander_covariance(1.0, about.wander_time_s, duration)
             size = smallest_wander(trace, variance, level, about.power)
@@ -165,11 +163,3 @@ def _findable(
             size = float(every[np.isfinite(every)].max(initial=0.0)) or np.inf
         out[name] = (size / si, unit) if np.isfinite(size) else None
     return out
-
-
-def _unit(name: str) -> tuple[str, float]:
-    """Unit of a suspect's size: its name, and its size in SI."""
-    if name.removesuffix(DRIFT) in NAMES:
-        return unit_of(name.removesuffix(DRIFT))
-    key = key_of(name)
-    return unit_text(key), size_of(key)[1]

@@ -11,20 +11,45 @@ import numpy as np
 
 from inscal.chance import too_long_p
 from inscal.estimator import initial_constants
+from inscal.parameters import NAMES
 from inscal.record_filter import rough_path
-from inscal.record_tests import Trace, Traces, difference_covariance, explained, traces_of
+from inscal.record_tests import Trace, Traces, difference_covariance, likeness, traces_of
 from inscal.recorded import Stretch
 from inscal.response import response
-from inscal.suspects import Span, suspects
+from inscal.suspects import DRIFT, WANDERING, Span, suspects, wander_covariance
+from pipeline.config.disturbance import key_of, size_of, unit_text
 from pipeline.config.schema import Config
 from pipeline.console.errors import DataError
 from pipeline.console.output import json_data
-from pipeline.logs.calibration import Calibrated, Log, calibrated, constants_of
+from pipeline.logs.calibration import Calibrated, Log, calibrated, constants_of, unit_of
 
 _SAMPLE = 0.05
 """In turns, s: at 10 deg/s half a degree, which a trace does not feel."""
+_LIKELIER = 3.0
+"""Logarithm of the likelihood ratio from which a suspect is named: 20."""
 _SAME = 1e-9
 """Share of a difference's variance, in units of its sigmas, below which it is rounding."""
+
+
+@dataclass(frozen=True)
+class Like:
+    """A suspect that a difference looks like.
+
+    Attributes
+    ----------
+    name : str
+    size : float
+        Its likeliest size.
+    unit : str
+        Of it.
+    log_ratio : float
+        Logarithm of how much likelier the difference is with it.
+    """
+
+    name: str
+    size: float
+    unit: str
+    log_ratio: float
 
 
 @dataclass(frozen=True)
@@ -58,15 +83,26 @@ class Pair:
         every += [(name, float(x), 1.0) for name, x in zip(self.names, squared, strict=True)]
         return [(name, total, dof, float(too_long_p(total, dof))) for name, total, dof in every]
 
-    def alike(self) -> list[tuple[str, float]]:
-        """Suspects by how much of the chi-square they explain beyond chance, as its share."""
-        (_, total, _, _), *_ = self.tests()
+    def alike(self, wander_time: float, duration: float) -> list[Like]:
+        """Suspects that look like the difference, those that look most like it first.
+
+        Parameters
+        ----------
+        wander_time : float
+            Correlation time of what wanders, s.
+        duration : float
+            Of the record, s.
+        """
         out = []
         for name, moved in self.moved().items():
-            share = explained(self.difference, self.covariance, moved)
-            out.append((name, share / total, share - 2.0 * moved.shape[1]))
-        out.sort(key=lambda one: -one[2])
-        return [(name, share) for name, share, beyond in out if beyond > 0.0]
+            variance = np.ones(moved.shape[1])
+            if name in WANDERING:
+                variance = wander_covariance(1.0, wander_time, duration)
+            ratio, size = likeness(self.difference, self.covariance, moved, variance)
+            if ratio > _LIKELIER:
+                unit, si = unit_of_suspect(name)
+                out.append(Like(name, size / si, unit, ratio))
+        return sorted(out, key=lambda one: -one.log_ratio)
 
 
 def traces_in(found: Calibrated, span: Span | None = None) -> Traces:
@@ -211,3 +247,11 @@ def _read(path: str) -> dict[str, Any]:
             f"calibration.compare_to = {path}: must be what this stage wrote, JSON"
         ) from None
     return dict(found)
+
+
+def unit_of_suspect(name: str) -> tuple[str, float]:
+    """Unit of a suspect's size: its name, and its size in SI."""
+    if name.removesuffix(DRIFT) in NAMES:
+        return unit_of(name.removesuffix(DRIFT))
+    key = key_of(name)
+    return unit_text(key), size_of(key)[1]

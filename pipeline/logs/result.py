@@ -37,7 +37,7 @@ def content(found: Calibrated, evidence: Evidence, config: Config) -> dict[str, 
         "false_alarms": config.calibration.false_alarms,
         "tests": [vars(one) for one in evidence.tests],
         "findable": evidence.findable,
-        "alike": evidence.alike,
+        "alike": {k: [vars(one) for one in likes] for k, likes in evidence.alike.items()},
         "no_halves": evidence.no_halves,
     }
 

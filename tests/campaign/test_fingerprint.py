@@ -94,6 +94,9 @@ def test_every_setting_is_known_to_matter_or_not():
     keys -= {"estimator.initial_std", "estimator.believed"}
     assert keys <= changed
     assert settings.keys() - groups.keys() == {
+        "baseline",
+        "compensation",
+        "name",
         "only_run",
         "out",
         "a",

@@ -16,7 +16,7 @@ ATTITUDE = "estimator.initial_std.attitude_deg"
 # Overrides, and what the line must contain: key, value and what is allowed.
 BAD = [
     # unknown options and keys
-    (["noise=loud"], "noise = loud: must be one of noisy, quiet, reference"),
+    (["noise=loud"], "noise = loud: must be one of mems, noisy, quiet, reference"),
     (["truth=gauss"], "truth = gauss: must be one of dispersed, paper, uniform"),
     (
         ["schedule=position26"],

@@ -61,7 +61,7 @@ def test_stage_runs_and_leaves_nothing(run_stage):
     ("arguments", "said"),
     [
         (["campaign.runs=0"], "campaign.runs = 0: must be an integer >= 1"),
-        (["noise=loud"], "noise = loud: must be one of noisy, quiet, reference"),
+        (["noise=loud"], "noise = loud: must be one of mems, noisy, quiet, reference"),
         (["noise.extra=1"], "noise.extra: unknown key; must be one of name"),
         (["noise"], "'noise': must be group=option or key=value"),
         (["noise=null"], "(given: noise=null)"),
@@ -105,7 +105,7 @@ def test_stage_keeps_hydras_own_options(run_stage):
         "usage: python -m small_stage [noise=...]",
         "",
         "reads of the configuration, the default first:",
-        "  noise=reference|noisy|quiet",
+        "  noise=reference|mems|noisy|quiet",
     ]
     assert left == []
     swept, left = run_stage("-m", "noise=quiet,noisy")

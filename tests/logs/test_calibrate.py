@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 import yaml
 from campaigns import run_stage
+from log_case import PATH, RATE, RUN, calibrate_it
 from scipy.spatial.transform import Rotation
 
 from inscal.frames import ARMS, in_accelerometer_frame
@@ -20,34 +21,10 @@ from inscal.sensor import matrices
 from pipeline import calibrate, export
 from pipeline.config.load import load
 from pipeline.config.setup import Setup
-from pipeline.logs.calibration import calibrated
 from pipeline.logs.checked import read_increments
 from pipeline.logs.exported import frames
 from pipeline.logs.header import read_header
-
-RATE = 20.0
-PATH = (
-    "schedule=position19",
-    "schedule.position_duration_s=40",
-    "schedule.turn_acceleration_deg_per_s2=20",
-    "noise=quiet",
-    f"rate_hz={RATE:g}",
-)
-RUN = 3
-
-
-@pytest.fixture(scope="session")
-def log(tmp_path_factory):
-    """Header of an exported run of some minutes."""
-    path = tmp_path_factory.mktemp("log") / "run.parquet"
-    ended = run_stage(export, *PATH, f"only_run={RUN}", f"log={path}")
-    assert ended.code == 0, ended.err
-    return path.with_suffix(".yaml")
-
-
-@pytest.fixture(scope="session")
-def found(log):
-    return calibrated(load([*PATH, f"log={log}", "calibration.prior_factor=1"]))
+from pipeline.logs.result import force_less_gravity
 
 
 def test_an_exported_run_gives_its_truth_within_its_sigmas(found):
@@ -67,12 +44,14 @@ def test_a_log_gives_what_the_run_in_memory_does_bit_for_bit(found, log):
     [(number, frame)] = frames(load([*PATH, f"only_run={RUN}"]))
     assert number == RUN
     values = frame.to_numpy()
-    record = Increments(1.0 / RATE, values[:, 1:4].copy(), values[:, 4:].copy())
+    record = Increments(1.0 / RATE, *(values[:, a:b].copy() for a, b in ((1, 4), (4, 7), (7, 13))))
     from pipeline.logs.calibration import _belief
 
     config = load([*PATH, "calibration.prior_factor=1"])
     site = found.outcome.path.site
-    again = calibrate_record(record, stretches(record), site, _belief(config))
+    again = calibrate_record(
+        record, stretches(record), site, _belief(config), rounds=config.calibration.rounds
+    )
     assert again.estimate.tobytes() == found.outcome.estimate.tobytes()
 
 
@@ -281,13 +260,13 @@ def test_a_peer_s_record_gives_the_peer_s_truth(tmp_path):
     about = {"data": str(Path(DATA) / "psins_imusysclbt.bin"), "format": "psins_bin"}
     (tmp_path / "x.yaml").write_text(yaml.safe_dump(about | {"latitude_deg": 34.0}))
     options = ["estimator=states43", "noise=quiet", "calibration.frame=accelerometer"]
-    found = calibrated(load([*options, f"log={tmp_path / 'x.yaml'}"]))
+    found = calibrate_it(*options, f"log={tmp_path / 'x.yaml'}", path=())
     rows = dict(zip(found.parameter, zip(found.estimate, found.unit, strict=True), strict=True))
     for name, truth in TRUTH.items():
         value, unit = rows[name]
         assert abs(value - truth) < WITHIN[unit], name
     # without a filter: up and down of an axis add up to twice bias and quadratic term
-    record, up, down = found.record, [], []
+    record, up, down = found.log.record, [], []
     for part in found.outcome.parts:
         if not part.turns:
             force = record.velocity[part.first : part.end].mean(axis=0) / record.interval
@@ -310,7 +289,7 @@ def test_only_velocity_at_rest_knows_less(log, found, tmp_path):
     header = yaml.safe_load(log.read_text()) | {"observation": "velocity_at_rest"}
     header["data"] = str(log.with_suffix(".parquet"))
     (tmp_path / "x.yaml").write_text(yaml.safe_dump(header))
-    less = calibrated(load([*PATH, f"log={tmp_path / 'x.yaml'}", "calibration.prior_factor=1"]))
+    less = calibrate_it(f"log={tmp_path / 'x.yaml'}", "calibration.prior_factor=1")
     assert (less.std > found.std).all()
     setup = Setup(load([*PATH]))
     from inscal.simulation import draw_truth
@@ -318,12 +297,34 @@ def test_only_velocity_at_rest_knows_less(log, found, tmp_path):
     truth = draw_truth(setup.truth, setup.config.campaign.seed, RUN)
     deviation = (less.outcome.estimate - truth) / less.outcome.estimator.predicted_std
     assert np.abs(deviation).max() < 4.5
-    assert dataclasses.asdict(less.header)["observation"] == "velocity_at_rest"
+    assert dataclasses.asdict(less.log.header)["observation"] == "velocity_at_rest"
 
 
 def test_states_that_are_named_after_another_source_have_its_unit(log):
     """A group's name, that of its states and that of its source may all differ."""
     groups = "[gyro_bias,accel_bias,gyro_k,accel_k,accel_quadratic,lever_arm,accel_cross]"
-    found = calibrated(load([*PATH, f"log={log}", f"estimator.states={groups}"]))
+    found = calibrate_it(f"log={log}", f"estimator.states={groups}")
     units = dict(zip(found.parameter, found.unit, strict=True))
     assert units["accel_cross_xy"] == units["accel_cross_zy"] == "ug/g^2"
+
+
+@pytest.mark.skipif(DATA is None, reason="INSCAL_DATA names no folder of recordings")
+def test_a_unit_turned_by_hand_gives_the_published_scales(tmp_path):
+    """Of 38 rests seven are left out, and foretold."""
+    about = {
+        "data": [str(Path(DATA) / f"imu_tk_xsens_{kind}.mat") for kind in ("acc", "gyro")],
+        **{"format": "counts", "latitude_deg": 45.4, "observation": "velocity_at_rest"},
+        **{"gyro_unit": "rad/s", "gyro_scale": 1 / 5000, "gyro_offset": 32768, "rate_hz": 100},
+        **{"accel_unit": "m/s^2", "accel_scale": 1 / 400, "accel_offset": 32768},
+    }
+    (tmp_path / "x.yaml").write_text(yaml.safe_dump(about))
+    options = ("estimator=mems", "noise=mems", "calibration.first_guess=true")
+    options = (*options, "calibration.prior_factor=1", f"log={tmp_path / 'x.yaml'}")
+    found = calibrate_it(*options, "calibration.left_out=[5,10,15,20,25,30,35]", path=())
+    assert len(found.log.rests) >= 35
+    value = dict(zip(found.parameter, found.estimate, strict=True))
+    for axis in "123":
+        assert 405 < 400 / (1.0 + 1e-6 * value[f"accel_k{axis}{axis}"]) < 425
+        assert 4600 < 5000 / (1.0 + 1e-6 * value[f"gyro_k{axis}{axis}"]) < 4950
+    force = force_less_gravity(found)
+    assert np.abs(force[4:35:5]).max() < 0.05
