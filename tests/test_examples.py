@@ -7,7 +7,16 @@ import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import numpy as np
+import pandas as pd
 import pytest
+from campaigns import run_stage
+
+from inscal.parameters import NAMES
+from inscal.simulation import draw_truth
+from pipeline import export
+from pipeline.config.load import load
+from pipeline.config.setup import Setup
 
 REPOSITORY = Path(__file__).resolve().parent.parent
 
@@ -66,6 +75,22 @@ def test_only_the_gyro_bias_needs_long_positions_and_the_prediction_holds(tmp_pa
     assert nees == pytest.approx(27.0, abs=1.5)  # 2.9 standard deviations of the mean of 200
 
 
+def test_least_squares_calibrates_exported_runs_with_honest_sigmas(tmp_path):
+    ended = run_stage(export, "runs=0:2", "rate_hz=10", f"log={tmp_path / 'unit.parquet'}")
+    assert ended.code == 0, ended.err
+    logs = [str(path) for path in sorted(tmp_path.glob("*.parquet"))]
+    text, _ = run_example("least_squares.py", tmp_path, *logs, "found.csv")
+    assert text.count("gyro_bias_x") == 2
+    table = pd.read_csv(tmp_path / "found.csv").set_index("run")
+    setup = Setup(load(["campaign.runs=2"]))
+    for run in (0, 1):
+        truth = draw_truth(setup.truth, setup.config.campaign.seed, run) / setup.unit
+        sigma = table.loc[run, [f"{name}_std" for name in NAMES]].to_numpy()
+        deviation = (table.loc[run, list(NAMES)].to_numpy() - truth) / sigma
+        assert np.abs(deviation).max() < 4.5
+        assert 8.0 < np.sum(deviation**2) < 60.0
+
+
 def test_every_example_is_tested():
     names = {path.name for path in (REPOSITORY / "examples").glob("*.py")}
-    assert names == {"calibrate_one_run.py", "position_duration.py"}
+    assert names == {"calibrate_one_run.py", "least_squares.py", "position_duration.py"}

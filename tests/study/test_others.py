@@ -8,11 +8,13 @@ import pytest
 import yaml
 from campaigns import SHORT, make, run_stage
 
+from inscal.frames import ACCELEROMETER_FRAME, ARMS, in_accelerometer_frame
 from inscal.parameters import NAMES
 from pipeline import judge
 from pipeline.campaign import judged, store
 from pipeline.config.load import load
 from pipeline.console.output import json_data
+from pipeline.logs.calibration import unit_of
 
 
 @pytest.fixture(scope="module")
@@ -144,3 +146,47 @@ def test_a_file_that_is_no_table_is_said_to_be_none(tmp_path, place):
         ended = run_stage(judge, f"estimates={path}", f"campaign.store={place}")
         assert ended.code == 2
         assert len(ended.err.strip().splitlines()) == 1
+
+
+def in_their_frame(own):
+    """The same estimates by a program whose body axes are those of the accelerometers."""
+    printed = {name: 1.0 if "quadratic" in name else unit_of(name)[1] for name in NAMES}
+    rows = []
+    for row in table_of(own)[list(NAMES)].to_dict("records"):
+        values = {name: value * printed[name] for name, value in row.items()}
+        for end in ARMS:
+            values.setdefault(f"lever_arm_{end}", 0.0)
+        found = in_accelerometer_frame(values)
+        rows.append(
+            {
+                name: found[name] / (1.0 if "quadratic" in name else unit_of(name)[1])
+                for name in ACCELEROMETER_FRAME
+            }
+        )
+    table = pd.DataFrame(rows)
+    table.insert(0, "run", own["run"].to_numpy())
+    return table
+
+
+def test_another_frame_is_turned_back(tmp_path, place, own):
+    table = in_their_frame(own)
+    for name in ACCELEROMETER_FRAME:
+        table[f"{name}_std"] = 0.1
+    (tmp_path / "m.yaml").write_text("frame: accelerometer\n")
+    ended, out = judge_table(tmp_path, place, table, f"mapping={tmp_path / 'm.yaml'}")
+    assert ended.code == 0, ended.err
+    found = json.loads(out.read_text())
+    assert found["with_sigma"] == list(NAMES)
+    for name in NAMES:
+        pair = found["comparison"]["parameters"][name]
+        assert pair["ratio"] == pytest.approx(1.0, rel=1e-6), name
+        sigma = found["summary"]["parameters"][name]["predicted_std"]
+        assert 0.05 < sigma < 0.3, name  # turned, and added up where two are one
+    ended, _ = judge_table(
+        tmp_path, place, table.drop(columns="gyro_k12"), f"mapping={tmp_path / 'm.yaml'}"
+    )
+    assert ended.code == 2
+    assert "no column gyro_k12" in ended.err
+    (tmp_path / "m.yaml").write_text("frame: mars\n")
+    ended, _ = judge_table(tmp_path, place, table, f"mapping={tmp_path / 'm.yaml'}")
+    assert "must be one of gyro, accelerometer" in ended.err
