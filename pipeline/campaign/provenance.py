@@ -76,7 +76,7 @@ def _entry(seconds: float, runs: int, cluster: Cluster) -> dict[str, Any]:
 def sessions(store: str | Path) -> list[dict[str, Any]]:
     """Sessions of a campaign, oldest first; none if they are not recorded."""
     try:
-        found = json.loads(log_path(store).read_text())
+        found = json.loads(log_path(store).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return []
     return [entry for entry in found if isinstance(entry, dict)] if isinstance(found, list) else []
@@ -103,7 +103,7 @@ def _git(*arguments: str) -> str | None:
 
 def _processor() -> str:
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     except OSError:
         lines = []
     names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]

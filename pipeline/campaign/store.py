@@ -18,19 +18,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import xarray as xr
 import zarr
+from zarr.codecs import Crc32cCodec, ZstdCodec
 
 from inscal.parameters import COUNT, NAMES, UNITS
 from inscal.statistics import rmse_half_width_relative
+from pipeline.campaign import damage, manifest
+from pipeline.campaign.status import DONE, FAILED, NOT_RUN
 from pipeline.config.load import resolved, run_settings, undisturbed, usual_belief
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError, FailedRunsError
+from pipeline.console.output import complain
 
 if TYPE_CHECKING:
     from pipeline.campaign.worker import Batch
-
-NOT_RUN, DONE, FAILED = 0, 1, 2
-"""Values of ``status``."""
 
 _CHUNKS = 12
 _AUGMENTED = ("augmented_truth", "augmented_estimate", "augmented_error")
@@ -82,10 +83,17 @@ def open_store(
     """
     path = Path(config.campaign.store)
     if path.exists():
-        found = _attributes(path)
-        if found.get("fingerprint") == fingerprint(config):
-            for leftover in path.rglob("*.partial"):  # of a write that was killed
+        if _fingerprint_of(path) == fingerprint(config):
+            for leftover in path.rglob("*.partial*"):  # of a write that was killed
                 leftover.unlink()
+            damaged = damage.of(path)
+            if damaged:
+                unfinished = _beside(path, "new")
+                _template(config, predicted_std, augmented_std, unfinished)
+                complain([damage.mend(path, unfinished, damaged)])
+                shutil.rmtree(unfinished, ignore_errors=True)
+            else:
+                manifest.go_on(path, fingerprint(config))
             return zarr.open_group(path, mode="r+")
         if not config.campaign.replace:
             raise DataError(
@@ -94,7 +102,7 @@ def open_store(
             )
     # hidden, for a campaign of the user's may be called anything; whole folders change names, so
     # a kill in between leaves either store or none, and no half of one
-    unfinished, replaced = (path.with_name(f".{path.name}.{end}") for end in ("new", "old"))
+    unfinished, replaced = _beside(path, "new"), _beside(path, "old")
     try:
         shutil.rmtree(replaced, ignore_errors=True)
         _template(config, predicted_std, augmented_std, unfinished)
@@ -107,15 +115,23 @@ def open_store(
     return zarr.open_group(path, mode="r+")
 
 
-def _attributes(path: Path) -> dict:
-    """Attributes of a store; DataError if `path` is none of ours."""
+def _beside(path: Path, end: str) -> Path:
+    return path.with_name(f".{path.name}.{end}")
+
+
+def _fingerprint_of(path: Path) -> str:
+    """Fingerprint of a store; DataError if `path` is none of ours."""
     try:
-        attributes = json.loads((path / "zarr.json").read_text())["attributes"]
+        about = manifest.read(path)
+        if about is not None:
+            return about.fingerprint
+    except ValueError:
+        pass  # the store itself has it too
+    try:
+        attributes = json.loads((path / "zarr.json").read_text(encoding="utf-8"))["attributes"]
+        return str(attributes["fingerprint"])
     except (OSError, ValueError, KeyError, TypeError):
-        attributes = {}
-    if "fingerprint" not in attributes:
-        raise DataError(f"campaign.store = {path}: exists and is not a campaign store")
-    return attributes
+        raise DataError(f"campaign.store = {path}: exists and is not a campaign store") from None
 
 
 def _template(
@@ -212,7 +228,11 @@ def _template(
         },
     )
     dataset["run"].encoding["chunks"] = (runs,)
+    for name in map(str, dataset.variables):
+        dataset[name].encoding["compressors"] = (ZstdCodec(level=0), Crc32cCodec())
     dataset.to_zarr(path, mode="w", compute=False, consolidated=False, zarr_format=3)
+    manifest.sign(path)
+    manifest.seal(path, fingerprint(config))
 
 
 def pending(store: zarr.Group) -> np.ndarray:
@@ -255,8 +275,12 @@ def write(store: zarr.Group, config: Config, results: "list[tuple[list[int], Bat
     """
     from pipeline.campaign.worker import joined
 
+    if not results:
+        return
     unit, augmented_unit = Setup(config).unit, Setup(config).augmented_unit
     results = sorted(results, key=lambda result: result[0][0])
+    place = Path(config.campaign.store)
+    manifest.begin(place, damage.files_of(store, [n for runs, _ in results for n in runs]))
     while results:
         count = 1
         while count < len(results) and results[count][0][0] == results[count - 1][0][-1] + 1:
@@ -280,7 +304,9 @@ def write(store: zarr.Group, config: Config, results: "list[tuple[list[int], Bat
             raised = {str(number): text for number, text in batch.exceptions.items()}
             every = {**store.attrs.get("exceptions", {}), **raised}  # type: ignore[dict-item]
             store.attrs["exceptions"] = {key: every[key] for key in sorted(every, key=int)}
+            manifest.sign(place)
         _array(store, "status")[part] = np.where(outcome.failed, FAILED, DONE).astype(np.int8)
+    manifest.end(place)
 
 
 def counts(store: zarr.Group) -> tuple[int, int]:
@@ -335,10 +361,19 @@ def read(path: str | Path) -> xr.Dataset:
     DataError
         If there is no campaign store.
     """
-    if not Path(path).exists():
+    place = Path(path)
+    if not place.exists():
         raise DataError(f"campaign store {path}: not found; make it with pipeline.simulate")
-    _attributes(Path(path))
-    campaign = xr.load_dataset(path, engine="zarr", consolidated=False, chunks=None)
+    _fingerprint_of(place)
+    damage.refuse(place)
+    try:
+        # a run counts from the moment its status says so, so that is read before its numbers are
+        status = np.asarray(_array(zarr.open_group(place, mode="r"), "status")[:])
+        campaign = xr.load_dataset(place, engine="zarr", consolidated=False, chunks=None)
+        campaign["status"][:] = status
+        damage.refuse_nonsense(place, campaign)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise damage.error(place, [manifest.Damage("it", f"cannot be read ({error})")]) from None
     about = campaign.attrs["configuration"]
     about.setdefault("disturbance", dict(undisturbed()))
     about["estimator"].setdefault("believed", dict(usual_belief()))

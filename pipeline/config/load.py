@@ -166,14 +166,17 @@ def run_settings(configuration: Mapping[str, Any]) -> dict[str, Any]:
 @cache
 def undisturbed() -> Mapping[str, Any]:
     """Group `disturbance` of a truth that holds no more than the filter believes."""
-    return MappingProxyType(yaml.safe_load((CONF / "disturbance" / "none.yaml").read_text()))
+    return MappingProxyType(_group("disturbance", "none"))
 
 
 @cache
 def usual_belief() -> Mapping[str, Any]:
     """Group `estimator.believed` where nothing is said of it."""
-    about = yaml.safe_load((CONF / "estimator" / "two_pass.yaml").read_text())
-    return MappingProxyType(about["believed"])
+    return MappingProxyType(_group("estimator", "two_pass")["believed"])
+
+
+def _group(name: str, option: str) -> Any:
+    return yaml.safe_load((CONF / name / f"{option}.yaml").read_text(encoding="utf-8"))
 
 
 def disturbances(configuration: Mapping[str, Any]) -> list[str]:

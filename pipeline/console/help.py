@@ -52,7 +52,7 @@ def help_text(path: Path) -> str | None:
     str or None
         Lines of at most 100 columns.
     """
-    doc = ast.get_docstring(ast.parse(path.read_text())) or ""
+    doc = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
     reads = re.search(r"^Reads: (.*?)\.$", doc, re.M | re.S)
     if not reads:
         return None
@@ -81,7 +81,8 @@ def help_text(path: Path) -> str | None:
 def choices(group: str) -> list[str]:
     """Names of the choices of a group, the default first."""
     found = sorted(file.stem for file in (CONF / group).glob("*.yaml"))
-    defaults = re.search(rf"^  - {group}: (\S+)", (CONF / "config.yaml").read_text(), re.M)
+    text = (CONF / "config.yaml").read_text(encoding="utf-8")
+    defaults = re.search(rf"^  - {group}: (\S+)", text, re.M)
     default = defaults[1] if defaults else ""
     return sorted(found, key=lambda name: name != default)
 
@@ -92,7 +93,7 @@ def _entry(entry: str) -> str:
         names = choices(group)
         if len(names) > 1:
             return _wrapped(f"  {group}=", "|".join(names), "|")
-        return _group_entry(group, (CONF / group / f"{names[0]}.yaml").read_text())
+        return _group_entry(group, (CONF / group / f"{names[0]}.yaml").read_text(encoding="utf-8"))
     if not key and (text := _group_text(group)):
         return _group_entry(group, text)
     if key:
@@ -100,7 +101,7 @@ def _entry(entry: str) -> str:
     else:
         files, key = [CONF / "config.yaml"], group
     for file in files:
-        if key in (found := _keys(file.read_text())):
+        if key in (found := _keys(file.read_text(encoding="utf-8"))):
             value, remark = found[key]
             start = f"  {entry}={value}"
             return _wrapped(f"{start.ljust(_REMARK - 1)} ", remark) if remark else start
@@ -114,7 +115,7 @@ def _group_entry(group: str, text: str) -> str:
 def _group_text(group: str) -> str:
     """YAML of a group that stands in a file with others, as in ``paper.yaml``; or nothing."""
     for file in CONF.glob("*.yaml"):
-        found = re.search(rf"^{group}:\n((?:  .*\n)+)", file.read_text(), re.M)
+        found = re.search(rf"^{group}:\n((?:  .*\n)+)", file.read_text(encoding="utf-8"), re.M)
         if found:
             return textwrap.dedent(found[1])
     return ""

@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -30,16 +31,38 @@ def written(path: str | Path) -> Iterator[Path]:
     try:
         with interrupts.held():
             Path(path).parent.mkdir(parents=True, exist_ok=True)
-            yield Path(path)
+            with replacing(path) as file:
+                yield file
             interrupts.wrote(path)
     except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror})") from None
+        raise DataError(f"{path}: cannot be written ({error.strerror or error})") from None
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Let the block write beside a file, and put what it wrote in the file's place in one step.
+
+    Whatever ends the block, the file is the new one, whole and on disk, or still the old one. The
+    name beside it has the same ending.
+    """
+    own = Path(path).resolve()  # what a link points to, and not the link
+    if own.exists() and not own.is_file():  # such as a pipe
+        yield own
+        return
+    beside = own.with_name(f".{own.stem}.partial{own.suffix}")
+    try:
+        yield beside
+        with beside.open("rb") as file:
+            os.fsync(file.fileno())
+        beside.replace(own)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def write_text(path: str | Path, text: str) -> None:
     """Write a text file, making its folder; DataError if that cannot be."""
     with written(path) as file:
-        file.write_text(text)
+        file.write_text(text, encoding="utf-8")
 
 
 def json_text(data: Any, *, indent: int = 1) -> str:

@@ -157,8 +157,11 @@ def read_baseline(folder: Path, runs: int = RUNS) -> tuple[Sample, dict[str, Any
         If a file is missing or not as it was written.
     """
     try:
-        about = json.loads((folder / "baseline.json").read_text())
-        texts = {name: (folder / f"{name}.csv").read_text() for name in ("errors", "covariance")}
+        about = json.loads((folder / "baseline.json").read_text(encoding="utf-8"))
+        texts = {
+            name: (folder / f"{name}.csv").read_text(encoding="utf-8")
+            for name in ("errors", "covariance")
+        }
         if {name: _digest(text) for name, text in texts.items()} != about["sha256"]:
             raise ValueError("a table is not the one that was written")
         if not (isinstance(about["configuration"], dict) and isinstance(about["reason"], str)):

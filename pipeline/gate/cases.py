@@ -121,4 +121,4 @@ def _case(name: str, about: dict[str, Any], config: Config) -> Case:
 
 @cache
 def _content() -> dict[str, dict[str, Any]]:
-    return yaml.safe_load(FILE.read_text())["cases"]
+    return yaml.safe_load(FILE.read_text(encoding="utf-8"))["cases"]

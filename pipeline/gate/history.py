@@ -103,7 +103,9 @@ def read(folder: Path) -> list[Row]:
     if not path.exists():
         return []
     try:
-        return [_row(fields) for fields in csv.DictReader(io.StringIO(path.read_text()))]
+        return [
+            _row(fields) for fields in csv.DictReader(io.StringIO(path.read_text(encoding="utf-8")))
+        ]
     except (OSError, ValueError, KeyError, TypeError):
         raise DataError(f"{path}: cannot be read as the history of baselines") from None
 

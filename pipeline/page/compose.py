@@ -230,7 +230,7 @@ def html(page: Page) -> str:
         ),
         # a module: it can only be imported, here from an address that holds it
         datatables=base64.b64encode((tables / "dt_bundle.js").read_bytes()).decode(),
-        datatables_style=Markup((tables / "dt_bundle.css").read_text()),
+        datatables_style=Markup((tables / "dt_bundle.css").read_text(encoding="utf-8")),
     )
 
 

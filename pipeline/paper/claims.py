@@ -100,7 +100,7 @@ def read_pages() -> dict[str, Page]:
 
 def _read(path: Path) -> Page:
     try:
-        return Page(**json.loads(path.read_text()))
+        return Page(**json.loads(path.read_text(encoding="utf-8")))
     except FileNotFoundError:
         raise DataError(f"{path}: not found; make it with dvc repro paper") from None
     except (OSError, ValueError, TypeError):

@@ -150,7 +150,7 @@ def measure(campaign: Campaign, seed: int) -> dict[str, Any]:
 def measured(campaign: Campaign, path: Path = PATH) -> dict[str, Any]:
     """Read what was measured; nothing if that was nothing, or not of such a campaign."""
     try:
-        found = json_data(path.read_text())
+        found = json_data(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     about = campaign.about()

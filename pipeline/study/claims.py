@@ -65,7 +65,7 @@ def read(path: Path = PATH) -> Claims | None:
         If it is of another form.
     """
     try:
-        data = json_data(path.read_text())
+        data = json_data(path.read_text(encoding="utf-8"))
         judged = [Judged(**page) for page in data.pop("judged")]
         rotations = [(angle, axis) for angle, axis in data.pop("rotations")]
         return Claims(judged, rotations=rotations, **data)

@@ -85,7 +85,7 @@ def read_json(path: str | Path, stage: str) -> dict[str, Any]:
         If it is missing or no JSON.
     """
     try:
-        return json_data(Path(path).read_text())
+        return json_data(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise DataError(f"{path}: not found; make it with pipeline.{stage}") from None
     except (OSError, ValueError):

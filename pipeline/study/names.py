@@ -19,7 +19,7 @@ RUNS = Path("results/runs")
 @cache
 def study() -> Mapping[str, Any]:
     """Content of ``conf/study.yaml``."""
-    return yaml.safe_load((CONF / "study.yaml").read_text())
+    return yaml.safe_load((CONF / "study.yaml").read_text(encoding="utf-8"))
 
 
 def role(name: str) -> str:

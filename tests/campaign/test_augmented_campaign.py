@@ -9,7 +9,7 @@ from campaigns import SHORT, assert_same_store, make, run_stage, short
 
 from inscal.parameters import AUGMENTATIONS
 from pipeline import predict, simulate, summarize
-from pipeline.campaign import judged, store
+from pipeline.campaign import judged, manifest, store
 from pipeline.campaign.course import history_dataset
 from pipeline.config.disturbance import key_of, unit_text
 from pipeline.config.load import load, resolved, unknown
@@ -79,6 +79,7 @@ def test_plain_stores_have_none_and_older_ones_are_read(tmp_path):
     about = json.loads((path / "zarr.json").read_text())
     del about["attributes"]["configuration"]["estimator"]["believed"]
     (path / "zarr.json").write_text(json.dumps(about))
+    (path / manifest.NAME).unlink()  # nor had it one
     read = store.read(path).attrs["configuration"]
     assert read["estimator"]["believed"] == resolved(load([]))["estimator"]["believed"]
 

@@ -62,7 +62,7 @@ def test_examples_of_the_help_are_valid(name):
 
 def test_help_lists_choices_and_keys_as_conf_has_them():
     lines = stage_help("simulate").splitlines()
-    assert "  noise=reference|noisy|quiet" in lines
+    assert "  noise=reference|mems|noisy|quiet" in lines
     assert "  site.KEY                        latitude_deg, height_m" in lines
     (runs,) = [line for line in lines if line.startswith("  campaign.runs=")]
     assert re.match(r"  campaign\.runs=500 +the most there will be", runs)

@@ -8,9 +8,8 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-import zarr
 from altair.utils.schemapi import SchemaBase
-from campaigns import error_lines, make, run_stage, short
+from campaigns import error_lines, make, run_stage, set_status, short
 from omegaconf.errors import OmegaConfBaseException
 
 from inscal.parameters import KINDS, NAMES
@@ -73,7 +72,7 @@ def stores(tmp_path_factory):
     make(folder / "quiet", "noise=quiet")
     make(folder / "noisy", "noise=noisy")
     half = make(folder / "half", "noise=quiet", "campaign.seed=7")
-    zarr.open_group(half, mode="r+")["status"][12:] = store.NOT_RUN
+    set_status(half, slice(12, None), store.NOT_RUN)
     return folder
 
 
@@ -261,7 +260,7 @@ def test_bad_campaigns_end_in_one_line(tmp_path, monkeypatch, given, expected):
 def test_page_of_too_few_runs_or_to_another_kind_of_file_is_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = make(tmp_path / "one")
-    zarr.open_group(path, mode="r+")["status"][1:] = store.NOT_RUN
+    set_status(path, slice(1, None), store.NOT_RUN)
     left = sorted(tmp_path.iterdir())
     few = run_stage(report, f"campaigns=[{path}]")
     assert few.code == 2
@@ -303,7 +302,7 @@ def test_sessions_of_a_campaign_are_logged_beside_its_store(tmp_path):
     (entry,) = provenance.sessions(path)
     assert entry["runs"] == 30
     assert entry["seconds"] > 0.0
-    zarr.open_group(path, mode="r+")["status"][20:] = store.NOT_RUN
+    set_status(path, slice(20, None), store.NOT_RUN)
     simulate_campaign(short(path))
     assert [entry["runs"] for entry in provenance.sessions(path)] == [30, 10]
     simulate_campaign(short(path))  # nothing left to make

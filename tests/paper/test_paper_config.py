@@ -38,7 +38,7 @@ def test_they_leave_the_fingerprint_of_a_store_as_it_is(override):
         ("effects.duration_s=0", "effects.duration_s = 0.0: must be a finite number > 0"),
         ("laboratory.runs=0", "laboratory.runs = 0: must be an integer >= 1"),
         ("laboratory.residual_passes=[]", "laboratory.residual_passes = []: must be"),
-        ("noise=loud", "noise = loud: must be one of noisy, quiet, reference"),
+        ("noise=loud", "noise = loud: must be one of mems, noisy, quiet, reference"),
         ("run=1", "run: unknown key; must be one of truth, noise"),
     ],
 )

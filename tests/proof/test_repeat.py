@@ -4,8 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-import zarr
-from campaigns import SHORT, make, short
+from campaigns import SHORT, make, set_status, short
 
 from inscal import statistics
 from inscal.experiment import run, run_with_history
@@ -75,11 +74,11 @@ def test_unfinished_and_stale_campaigns_are_refused(short_campaign, tmp_path):
     stale = done.assign(estimate=done["estimate"] + 1e-3 * done["predicted_std"])
     with pytest.raises(DataError, match="not what this version makes"):
         repeat_runs(stale, config, Setup(config).experiment)
-    zarr.open_group(path, mode="r+")["status"][1] = 2
+    set_status(path, 1, 2)
     assert done_of(path).attrs["failed"] == 1
-    zarr.open_group(path, mode="r+")["status"][2] = 2
+    set_status(path, 2, 2)
     with pytest.raises(DataError, match="two runs"):
         done_of(path)
-    zarr.open_group(path, mode="r+")["status"][2] = 0
+    set_status(path, 2, 0)
     with pytest.raises(DataError, match="not all runs are made"):
         done_of(path)
