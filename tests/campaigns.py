@@ -14,6 +14,7 @@ import zarr
 
 from pipeline.campaign import manifest, store
 from pipeline.campaign.driver import simulate_campaign
+from pipeline.campaign.worker import Limit
 from pipeline.config.load import load
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -25,6 +26,8 @@ SHORT = (
     "campaign.runs=30",
 )
 """A path that takes a millisecond per run; with it not all parameters can be told apart."""
+
+LIMIT = Limit(600.0, own_process=False)
 
 
 def short(path, *overrides):

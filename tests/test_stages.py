@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaigns import ROOT, SHORT, error_lines, make, run_stage, short
+from campaigns import LIMIT, ROOT, SHORT, error_lines, make, run_stage, short
 
 from inscal.parameters import INDEX, NAMES, UNITS
 from pipeline import compare, predict, summarize
@@ -237,7 +237,7 @@ def test_summarize_an_unfinished_campaign_says_so(tmp_path):
     assert empty.err.startswith(f"error: campaign store {tmp_path / 'campaign'}: no run")
     assert empty.err.count("\n") == 1
     runs = list(range(12))
-    store.write(opened, config, [(runs, attempt(Setup(config).experiment, runs))])
+    store.write(opened, config, [(runs, attempt(Setup(config).experiment, runs, LIMIT))])
     ended = run_stage(summarize, f"campaign.store={tmp_path / 'campaign'}")
     assert ended.code == 0
     assert ended.err == f"note: {tmp_path / 'campaign'}: 18 of 30 runs are not made\n"
@@ -318,7 +318,7 @@ def test_compare_pairs_the_runs_done_in_both(campaigns, tmp_path):
     config = short(tmp_path / "part", "estimator=one_pass")
     opened = store.open_store(config, np.ones(27))
     runs = list(range(5, 20))
-    store.write(opened, config, [(runs, attempt(Setup(config).experiment, runs))])
+    store.write(opened, config, [(runs, attempt(Setup(config).experiment, runs, LIMIT))])
     result = compare.comparison_of(tmp_path / "part", campaigns / "two_pass")
     assert result.runs_paired == 15
     a, b = (store.read(campaigns / name).error[5:20] for name in ("one_pass", "two_pass"))

@@ -26,8 +26,17 @@ _SETTINGS = {
     "distributed.comm.timeouts.connect": "10s",
     # the experiment, some 60 MB, is the argument of a task
     "distributed.admin.large-graph-warning-threshold": "1 GB",
+    # the driver finds out itself which run it was, and does it faster
+    "distributed.scheduler.allowed-failures": 0,
+    # a worker that ended is started again, which takes its time where the machine is busy
+    "distributed.deploy.lost-worker-timeout": "10 minutes",
+    # waiting for memory that nothing will free; what takes too much is ended
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
 }
 _WORKER_TIMEOUT_S = 30
+_STARTS = 3
 # a scheduler serves HTTP even so; without an address on port 8787, and warns where that is taken
 _LOOPBACK = "127.0.0.1"
 _NO_DASHBOARD = {"dashboard": False, "dashboard_address": f"{_LOOPBACK}:0"}
@@ -72,17 +81,20 @@ def client(cluster: Cluster) -> Iterator[Client]:
     Raises
     ------
     DataError
-        If a scheduler does not answer or has no workers, or dask-jobqueue is missing.
+        If a scheduler does not answer or has no workers, workers do not start, or dask-jobqueue is
+        missing.
     """
     with dask.config.set(_SETTINGS), ExitStack() as stack:
+        if cluster.kind != "scheduler":  # what ends a worker is said by the driver, in one line
+            stack.enter_context(_silent("distributed.scheduler", "distributed.nanny"))
         try:
             if cluster.kind == "scheduler":
                 connected = stack.enter_context(_connect(cluster))
             else:
                 with interrupts.held():
-                    connected = stack.enter_context(Client(stack.enter_context(_start(cluster))))
+                    connected = stack.enter_context(Client(stack.enter_context(_started(cluster))))
             if cluster.kind == "processes":
-                connected.run(say_nothing_of_cancelled_batches)
+                connected.run(say_nothing_of_cancelled_batches, on_error="ignore")
             if cluster.kind == "slurm":
                 where = (
                     "" if cluster.address else " on this machine, no cluster.address being given"
@@ -97,6 +109,19 @@ def client(cluster: Cluster) -> Iterator[Client]:
         finally:
             with interrupts.held():
                 stack.close()
+
+
+@contextmanager
+def _silent(*names: str) -> Iterator[None]:
+    loggers = [logging.getLogger(name) for name in names]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)
 
 
 def _connect(cluster: Cluster) -> Client:
@@ -128,6 +153,18 @@ async def _identity(address: str | None) -> dict:
     tls = Security().get_connection_args("client")
     async with rpc(address, connection_args=tls) as remote:
         return await remote.identity()
+
+
+def _started(cluster: Cluster):
+    for left in reversed(range(_STARTS)):
+        try:
+            return _start(cluster)
+        except (OSError, RuntimeError, TimeoutError) as error:
+            if not left:
+                raise DataError(
+                    f"cluster.workers = {cluster.workers}: workers do not start ({error})"
+                ) from None
+    raise AssertionError
 
 
 def _start(cluster: Cluster):

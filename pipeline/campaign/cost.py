@@ -13,8 +13,8 @@ from inscal.experiment import Experiment, run
 from inscal.kernel import LANES, compiled
 from inscal.simulation import Workspace, draw_truth, generator, simulate
 from pipeline.campaign.cluster import client
-from pipeline.campaign.driver import batches
-from pipeline.campaign.worker import attempt
+from pipeline.campaign.fan_out import batches
+from pipeline.campaign.worker import Limit, attempt
 from pipeline.config.schema import Config
 from pipeline.console.progress import track
 
@@ -113,8 +113,11 @@ def throughput(config: Config, experiment: Experiment) -> dict[str, float]:
 
             def seconds(runs: int) -> float:
                 todo = list(batches(np.arange(runs), config.campaign.batch, lambda: count))
+                limit = Limit(config.campaign.batch_time_limit_s, own_process=False)
                 return seconds_of(
-                    lambda: wait(workers.map(lambda b: attempt(experiment, b), todo, pure=False))
+                    lambda: wait(
+                        workers.map(lambda b: attempt(experiment, b, limit), todo, pure=False)
+                    )
                 )
 
             seconds(_WARM)  # every thread takes its memory

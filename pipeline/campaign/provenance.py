@@ -51,7 +51,10 @@ def session(campaign: Campaign, cluster: Cluster, pending: Callable[[], int]) ->
     try:
         yield
     finally:
-        made = before - pending()
+        try:
+            made = before - pending()
+        except DataError:  # the store was taken away, which was said already
+            made = 0
         if made:
             entry = _entry(time.monotonic() - started, made, cluster)
             try:

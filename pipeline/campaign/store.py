@@ -4,27 +4,23 @@ The driver is the only writer. It writes values first and ``status`` last, and e
 replaced as a whole, so whatever instant a campaign is killed at, a run counts as done only if its
 numbers are on disk. A resumed campaign repeats what is not marked; since a run depends on nothing
 but the configuration and its number, the finished store is the same to the last bit.
-
-Chunks are a property of the number of runs alone, few enough to keep a store small in files.
 """
 
-import hashlib
 import json
 import shutil
-from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 import zarr
-from zarr.codecs import Crc32cCodec, ZstdCodec
 
-from inscal.parameters import COUNT, NAMES, UNITS
+from inscal.parameters import NAMES
 from inscal.statistics import rmse_half_width_relative
 from pipeline.campaign import damage, manifest
 from pipeline.campaign.status import DONE, FAILED, NOT_RUN
-from pipeline.config.load import resolved, run_settings, undisturbed, usual_belief
+from pipeline.campaign.template import AUGMENTED, fingerprint, template
+from pipeline.config.load import undisturbed, usual_belief
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError, FailedRunsError
@@ -33,29 +29,7 @@ from pipeline.console.output import complain
 if TYPE_CHECKING:
     from pipeline.campaign.worker import Batch
 
-_CHUNKS = 12
-_AUGMENTED = ("augmented_truth", "augmented_estimate", "augmented_error")
 _NONE = np.zeros(0)
-_SOFTWARE = ("inscal", "numpy", "scipy", "numba", "xarray", "zarr", "dask")
-
-
-def fingerprint(config: Config) -> str:
-    """Digest of all that decides a store's numbers: configuration and source of the library.
-
-    Parameters
-    ----------
-    config : Config
-
-    Returns
-    -------
-    str
-        Hexadecimal SHA-256.
-    """
-    from inscal.kernel import source_digest  # compiles; readers of stores need not wait for it
-
-    settings = run_settings(resolved(config)) | {"runs": config.campaign.runs}
-    text = json.dumps(settings, sort_keys=True) + source_digest()
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def open_store(
@@ -82,37 +56,64 @@ def open_store(
         `campaign.replace` allows to delete the latter; or if it cannot be written.
     """
     path = Path(config.campaign.store)
-    if path.exists():
-        if _fingerprint_of(path) == fingerprint(config):
-            for leftover in path.rglob("*.partial*"):  # of a write that was killed
-                leftover.unlink()
-            damaged = damage.of(path)
-            if damaged:
-                unfinished = _beside(path, "new")
-                _template(config, predicted_std, augmented_std, unfinished)
-                complain([damage.mend(path, unfinished, damaged)])
-                shutil.rmtree(unfinished, ignore_errors=True)
-            else:
-                manifest.go_on(path, fingerprint(config))
-            return zarr.open_group(path, mode="r+")
-        if not config.campaign.replace:
-            raise DataError(
-                f"campaign.store = {path}: holds a campaign of another configuration or version; "
-                "choose another path, delete it, or allow it with campaign.replace=true"
-            )
+    try:
+        return _opened(config, predicted_std, augmented_std, path)
+    except OSError as error:
+        raise DataError(
+            f"campaign.store = {path}: cannot be written ({error.strerror or error})"
+        ) from None
+
+
+def _opened(
+    config: Config, predicted_std: np.ndarray, augmented_std: np.ndarray, path: Path
+) -> zarr.Group:
+    if path.exists() and _is_same(config, path):
+        for leftover in path.rglob("*.partial*"):  # of a write that was killed
+            leftover.unlink()
+        damaged = damage.of(path)
+        if damaged:
+            unfinished = _beside(path, "new")
+            template(config, predicted_std, augmented_std, unfinished)
+            complain([damage.mend(path, unfinished, damaged)])
+            shutil.rmtree(unfinished, ignore_errors=True)
+        else:
+            manifest.go_on(path, fingerprint(config))
+        return zarr.open_group(path, mode="r+")
     # hidden, for a campaign of the user's may be called anything; whole folders change names, so
     # a kill in between leaves either store or none, and no half of one
     unfinished, replaced = _beside(path, "new"), _beside(path, "old")
-    try:
-        shutil.rmtree(replaced, ignore_errors=True)
-        _template(config, predicted_std, augmented_std, unfinished)
-        if path.exists():
-            path.rename(replaced)
-        unfinished.rename(path)
-        shutil.rmtree(replaced, ignore_errors=True)
-    except OSError as error:
-        raise DataError(f"campaign.store = {path}: cannot be written ({error.strerror})") from None
+    shutil.rmtree(replaced, ignore_errors=True)
+    template(config, predicted_std, augmented_std, unfinished)
+    if path.exists():
+        path.rename(replaced)
+    unfinished.rename(path)
+    shutil.rmtree(replaced, ignore_errors=True)
     return zarr.open_group(path, mode="r+")
+
+
+def is_whole(config: Config) -> bool:
+    """Whether a campaign's store is there, undamaged and has all runs.
+
+    Raises
+    ------
+    DataError
+        As `open_store`, if something else is in the way.
+    """
+    path = Path(config.campaign.store)
+    if not path.exists() or not _is_same(config, path) or damage.of(path):
+        return False
+    return not len(pending(zarr.open_group(path, mode="r")))
+
+
+def _is_same(config: Config, path: Path) -> bool:
+    """Whether a store is the campaign's; DataError if it is not, and may not be deleted."""
+    same = _fingerprint_of(path) == fingerprint(config)
+    if not same and not config.campaign.replace:
+        raise DataError(
+            f"campaign.store = {path}: holds a campaign of another configuration or version; "
+            "choose another path, delete it, or allow it with campaign.replace=true"
+        )
+    return same
 
 
 def _beside(path: Path, end: str) -> Path:
@@ -134,110 +135,17 @@ def _fingerprint_of(path: Path) -> str:
         raise DataError(f"campaign.store = {path}: exists and is not a campaign store") from None
 
 
-def _template(
-    config: Config, predicted_std: np.ndarray, augmented_std: np.ndarray, path: Path
-) -> None:
-    """Write a store without any runs, in place of an unfinished one."""
-    import dask.array  # for a new store alone, like what compiles
-
-    from inscal.convergence import REASONS, chance_limits
-    from inscal.motion import update_count
-
-    setup = Setup(config)
-    updates = update_count(setup.schedule, config.estimator.update_interval_s)
-    lower, upper = chance_limits(updates)
-    runs = config.campaign.runs
-    chunk = -(-runs // _CHUNKS)
-
-    def lazy(dims, shape, fill, attrs):
-        chunks = (chunk, *shape[1:])
-        return dims, dask.array.full(shape, fill, chunks=chunks, dtype=type(fill)), attrs
-
-    def whole(fill, attrs):  # in one file
-        return ("run",), dask.array.full(runs, fill, chunks=runs, dtype=type(fill)), attrs
-
-    per_parameter = {"units": "see coordinate unit"}
-    further: dict[str, tuple] = {}
-    coordinates: dict[str, Any] = {}
-    if len(augmented_std):
-        about = {"units": "see coordinate augmented_unit"}
-        for name in _AUGMENTED:
-            told = {"long_name": name.replace("_", " "), **about}
-            further[name] = lazy(("run", "augmented"), (runs, len(augmented_std)), np.nan, told)
-        told = {"long_name": "predicted standard deviation", **about}
-        further["augmented_predicted_std"] = "augmented", augmented_std, told
-        names, units = setup.augmented_names, setup.augmented_units
-        coordinates["augmented"] = np.array(names, dtype=object)
-        coordinates["augmented_unit"] = "augmented", np.array(units, dtype=object)
-    both, table = ("run", "parameter"), (runs, COUNT)
-    dataset = xr.Dataset(
-        {
-            "truth": lazy(both, table, np.nan, {"long_name": "true parameter", **per_parameter}),
-            "estimate": lazy(both, table, np.nan, {"long_name": "estimate", **per_parameter}),
-            "error": lazy(
-                both, table, np.nan, {"long_name": "estimate minus truth", **per_parameter}
-            ),
-            "nees": lazy(
-                ("run",),
-                (runs,),
-                np.nan,
-                {"long_name": "normalised estimation error squared", "units": "1"},
-            ),
-            "status": lazy(
-                ("run",),
-                (runs,),
-                np.int8(NOT_RUN),
-                {"flag_values": [0, 1, 2], "flag_meanings": "not_run done failed"},
-            ),
-            "passes": whole(np.int8(0), {"long_name": "passes made", "units": "1"}),
-            "reason": whole(
-                np.int8(0),
-                {
-                    "flag_values": list(range(len(REASONS))),
-                    "flag_meanings": " ".join(r.replace(" ", "_") or "none" for r in REASONS),
-                },
-            ),
-            "innovation_ratio": whole(
-                np.nan,
-                {
-                    "long_name": "squared innovations over their expectation",
-                    "units": "1",
-                    "chance_lower": lower,
-                    "chance_upper": upper,
-                },
-            ),
-            "predicted_std": (
-                "parameter",
-                predicted_std,
-                {"long_name": "predicted standard deviation of the estimate", **per_parameter},
-            ),
-            **further,
-        },
-        coords={
-            "run": np.arange(runs),
-            "parameter": np.array(NAMES, dtype=object),
-            "unit": ("parameter", np.array(UNITS, dtype=object)),
-            **coordinates,
-        },
-        attrs={
-            "title": f"inscal campaign {Path(config.campaign.store).name}",
-            "fingerprint": fingerprint(config),
-            "seed": config.campaign.seed,
-            "configuration": resolved(config),
-            "software": {name: version(name) for name in _SOFTWARE},
-        },
-    )
-    dataset["run"].encoding["chunks"] = (runs,)
-    for name in map(str, dataset.variables):
-        dataset[name].encoding["compressors"] = (ZstdCodec(level=0), Crc32cCodec())
-    dataset.to_zarr(path, mode="w", compute=False, consolidated=False, zarr_format=3)
-    manifest.sign(path)
-    manifest.seal(path, fingerprint(config))
-
-
 def pending(store: zarr.Group) -> np.ndarray:
     """Numbers of the runs still to be made, ascending."""
     return np.flatnonzero(_array(store, "status")[:] == NOT_RUN)
+
+
+def made(config: Config) -> int:
+    """Count the runs, done or failed, of a campaign whose store may not exist yet."""
+    path = Path(config.campaign.store)
+    if not path.exists() or _fingerprint_of(path) != fingerprint(config):
+        return 0
+    return config.campaign.runs - len(pending(zarr.open_group(path, mode="r")))
 
 
 def precision(store: zarr.Group, runs: int) -> tuple[float, str]:
@@ -272,11 +180,28 @@ def write(store: zarr.Group, config: Config, results: "list[tuple[list[int], Bat
     config : Config
     results : list of (run numbers, batch)
         Each of consecutive runs.
-    """
-    from pipeline.campaign.worker import joined
 
+    Raises
+    ------
+    DataError
+        If it cannot be written; what it had is kept.
+    """
     if not results:
         return
+    place = config.campaign.store
+    try:
+        _write(store, config, results)
+    except (OSError, ValueError, KeyError) as error:  # of a store that was taken away meanwhile
+        why = getattr(error, "strerror", None) or error
+        raise DataError(
+            f"campaign.store = {place}: cannot be written any more ({why}); the runs that it has "
+            "are kept, and the same command goes on with them"
+        ) from None
+
+
+def _write(store: zarr.Group, config: Config, results: "list[tuple[list[int], Batch]]") -> None:
+    from pipeline.campaign.worker import joined
+
     unit, augmented_unit = Setup(config).unit, Setup(config).augmented_unit
     results = sorted(results, key=lambda result: result[0][0])
     place = Path(config.campaign.store)
@@ -296,7 +221,7 @@ def write(store: zarr.Group, config: Config, results: "list[tuple[list[int], Bat
         if len(augmented_unit):
             both = outcome.augmented_truth, outcome.augmented_estimate
             truth, estimate = (values / augmented_unit for values in both)
-            for name, values in zip(_AUGMENTED, (truth, estimate, estimate - truth), strict=True):
+            for name, values in zip(AUGMENTED, (truth, estimate, estimate - truth), strict=True):
                 _array(store, name)[part] = values
         for name in ("nees", "passes", "reason", "innovation_ratio"):
             _array(store, name)[part] = getattr(outcome, name)
@@ -338,7 +263,10 @@ def refuse_failures(config: Config, done: int, failed: int) -> None:
 
 
 def _array(store: zarr.Group, name: str) -> zarr.Array:
-    array = store[name]
+    try:
+        array = store[name]
+    except (KeyError, OSError):
+        raise DataError(f"campaign store {store.store}: {name} is missing") from None
     assert isinstance(array, zarr.Array)
     return array
 

@@ -4,8 +4,10 @@ A module of its own, so that workers import it by name and keep their buffers fr
 """
 
 import logging
+import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -16,6 +18,9 @@ from inscal.parameters import COUNT
 from inscal.simulation import Workspace
 
 _thread = threading.local()
+
+overdue: list[list[int]] = []
+"""Batches of this process that took too long, where it is not to be ended for it."""
 
 
 def share(experiment: Experiment) -> Experiment:
@@ -47,28 +52,71 @@ class Batch:
     exceptions: dict[int, str]
 
 
-def attempt(experiment: Experiment, runs: list[int]) -> Batch:
-    """Make a batch of runs; an exception costs the run it comes from and no other.
+@dataclass(frozen=True)
+class Limit:
+    """How long a batch may take.
+
+    Attributes
+    ----------
+    seconds : float
+    own_process : bool
+        Whether the process that computes it is ended then; else the batch is entered in `overdue`.
+    """
+
+    seconds: float
+    own_process: bool
+
+    @contextmanager
+    def over(self, runs: list[int]) -> Iterator[None]:
+        """Act if the block lasts too long; a thread cannot be ended, but its process can."""
+        watch = threading.Timer(self.seconds, self._end, [runs])
+        watch.daemon = True
+        watch.start()
+        try:
+            yield
+        finally:
+            watch.cancel()
+
+    def _end(self, runs: list[int]) -> None:
+        if self.own_process:
+            os._exit(1)
+        overdue.append(runs)
+
+
+def attempt(experiment: Experiment, runs: list[int], limit: Limit) -> Batch:
+    """Make a batch of runs; whatever is raised costs the run it comes from and no other.
 
     Parameters
     ----------
     experiment : Experiment
     runs : list of int
+    limit : Limit
 
     Returns
     -------
     Batch
     """
+    with limit.over(runs):
+        return _attempt(experiment, runs)
+
+
+def _attempt(experiment: Experiment, runs: list[int]) -> Batch:
     workspace = getattr(_thread, "workspace", None)
     if workspace is None or not workspace.fits(experiment.motion):
         workspace = _thread.workspace = Workspace.of(experiment.motion)
     try:
         return Batch(run(experiment, runs, workspace), {})
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # SystemExit too, which would end a thread that is waited for
         if len(runs) == 1:
-            augmented = len(experiment.estimator.augmented_names)
-            return Batch(_nothing(augmented), {runs[0]: f"{type(error).__name__}: {error}"})
-    return joined([attempt(experiment, [number]) for number in runs])
+            return ended(experiment, runs[0], f"{type(error).__name__}: {error}")
+    return joined([_attempt(experiment, [number]) for number in runs])
+
+
+def ended(experiment: Experiment, number: int, why: str) -> Batch:
+    """One run that gave nothing, and why."""
+    return Batch(_nothing(len(experiment.estimator.augmented_names)), {number: why})
 
 
 def _nothing(augmented: int) -> Outcome:

@@ -24,6 +24,7 @@ Rule = tuple[Callable[[Any], bool], str]
 
 _MAX_ANGLE_STEP_DEG = 14.0  # inside inscal.rotation.MAX_STEP_ANGLE, where its series are exact
 _MOST_PASSES = 100
+_LONGEST_S = 1e6  # of what is waited for
 _RATIO_TOLERANCE = 1e-9  # rounding of decimal seconds, as in 20.7 / 0.1
 
 _CLUSTER_KEYS: dict[str, tuple[str, ...]] = {
@@ -177,6 +178,10 @@ _RULES: dict[str, Rule] = {
     "campaign.seed": INDEX,
     "campaign.batch": COUNT,
     "campaign.store": STORE,
+    "campaign.batch_time_limit_s": (
+        lambda v: 0.0 < v <= _LONGEST_S,
+        f"a number > 0, and at most {_LONGEST_S:g}",
+    ),
     "campaign.max_failed_share": (lambda v: 0.0 <= v <= 1.0, "a number from 0 to 1"),
     "cluster.kind": one_of(*_CLUSTER_KEYS),
     "design.name": NAME,

@@ -208,6 +208,8 @@ class Campaign:
         Relative half-width of all RMSE intervals at which to stop before `runs`.
     max_failed_share : float
         Share of the runs made that may fail; with more of them stages end with exit code 1.
+    batch_time_limit_s : float
+        Longest that a batch may take before its worker is taken to hang.
     """
 
     runs: int = MISSING
@@ -217,6 +219,7 @@ class Campaign:
     replace: bool = MISSING
     precision: float | None = None
     max_failed_share: float = MISSING
+    batch_time_limit_s: float = MISSING
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 import functools
 import os
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -20,9 +21,9 @@ def stage(main: Callable[[Any], None], program: Program = PRODUCT) -> Callable[[
     """Make a stage's main function a Hydra program, for ``python -m pipeline.<stage>``.
 
     The program ends with exit code 2 and one line on stderr after a `ConfigError` or `DataError`,
-    with exit code 1 after `FailedRunsError`,
-    as `pipeline.console.interrupts` says after a signal; any other exception is a defect and keeps
-    its traceback. With ``--help`` it prints `pipeline.console.help` of the module.
+    or a fault of the machine such as a full disk, with exit code 1 after `FailedRunsError`, and as
+    `pipeline.console.interrupts` says after a signal; any other exception is a defect and keeps its
+    traceback. With ``--help`` it prints `pipeline.console.help` of the module.
 
     Parameters
     ----------
@@ -46,6 +47,12 @@ def stage(main: Callable[[Any], None], program: Program = PRODUCT) -> Callable[[
             _stop(str(error))
         except FailedRunsError as error:
             _stop(str(error), code=1)
+        except BrokenPipeError:
+            _end_with_reader()
+        except OSError as error:
+            _stop(fault_line(error))
+        except MemoryError:
+            _stop("there is not enough memory")
         except Exception as error:
             defects.append(error)
             raise
@@ -68,6 +75,18 @@ def stage(main: Callable[[Any], None], program: Program = PRODUCT) -> Callable[[
             _stop(program.message(error, sys.argv[1:]))
 
     return run
+
+
+def fault_line(error: OSError) -> str:
+    """What a fault of the machine is: where, and what the system says."""
+    where = f"{error.filename}: " if error.filename else ""
+    return f"{where}{error.strerror or error}"
+
+
+def _end_with_reader() -> NoReturn:
+    """End as programs do whose output nobody reads any more, as in ``... | head``."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # for what is still buffered
+    raise SystemExit(128 + signal.SIGPIPE)
 
 
 def _stop(line: str, code: int = 2) -> NoReturn:

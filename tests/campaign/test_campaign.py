@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 import zarr
 from campaigns import (
+    LIMIT,
     SHORT,
     assert_same_store,
     error_lines,
@@ -24,7 +25,7 @@ from inscal.convergence import REASONS
 from inscal.kernel import LANES
 from inscal.parameters import COUNT
 from pipeline import simulate, summarize
-from pipeline.campaign import driver, store, worker
+from pipeline.campaign import driver, fan_out, store, worker
 from pipeline.config.setup import Setup
 from pipeline.console import progress
 
@@ -94,7 +95,7 @@ def test_a_campaign_is_the_head_of_a_longer_one(tmp_path, short_store):
 
 
 def batches(pending, largest, threads):
-    return list(driver.batches(np.array(pending, dtype=int), largest, lambda: threads))
+    return list(fan_out.batches(np.array(pending, dtype=int), largest, lambda: threads))
 
 
 def test_batches_are_consecutive_and_hold_every_pending_run_once():
@@ -283,7 +284,9 @@ def test_plain_output_is_one_line(tmp_path):
 def test_resumed_output_is_two_lines(tmp_path):
     config = short(tmp_path / "campaign")
     opened = store.open_store(config, np.ones(COUNT))
-    store.write(opened, config, [([0, 1, 2], worker.attempt(Setup(config).experiment, [0, 1, 2]))])
+    store.write(
+        opened, config, [([0, 1, 2], worker.attempt(Setup(config).experiment, [0, 1, 2], LIMIT))]
+    )
     ended = run_stage(simulate, *SHORT, f"campaign.store={tmp_path / 'campaign'}")
     first, last = error_lines(ended.err)
     assert first == "campaign: resuming after 3 of 30 runs"

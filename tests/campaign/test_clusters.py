@@ -182,13 +182,13 @@ def test_slurm_jobs_make_the_same_bits(tmp_path, monkeypatch, short_store):
     fake_slurm(tools)
     monkeypatch.setenv("PATH", f"{tools}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.chdir(tmp_path)
-    fan_out, threads = driver._fan_out, []
+    fan_out, threads = driver.fan_out, []
 
     def spy(*arguments):
         threads.extend(arguments[4].nthreads().values())
         fan_out(*arguments)
 
-    monkeypatch.setattr(driver, "_fan_out", spy)
+    monkeypatch.setattr(driver, "fan_out", spy)
     make("campaign", "cluster=slurm", "cluster.workers=1", "cluster.cores=1", "campaign.batch=7")
     assert_same_store("campaign", short_store)
     (log,) = tools.glob("*.log")

@@ -89,7 +89,10 @@ def test_every_setting_is_known_to_matter_or_not():
     aside = ("cluster.", "bounds.", "design.", "calibration.")
     keys -= {key for key in keys if key.startswith(aside)}
     keys -= {
-        f"campaign.{key}" for key in ("batch", "store", "replace", "precision", "max_failed_share")
+        f"campaign.{key}"
+        for key in (
+            *("batch", "batch_time_limit_s", "store", "replace", "precision", "max_failed_share"),
+        )
     }
     keys -= {"estimator.initial_std", "estimator.believed"}
     assert keys <= changed

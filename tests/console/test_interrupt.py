@@ -18,7 +18,7 @@ from campaigns import ROOT, SHORT, assert_same_store, error_lines, make, run_sta
 from distributed import LocalCluster, get_client
 
 from pipeline import simulate
-from pipeline.campaign import cluster, driver, store
+from pipeline.campaign import cluster, driver, fan_out, store
 from pipeline.campaign.lock import writing
 from pipeline.campaign.provenance import log_path
 from pipeline.config.load import load
@@ -122,7 +122,7 @@ def test_batches_that_are_given_up_say_nothing(tmp_path, kind):
 
 def test_all_that_is_finished_is_written_when_the_interrupt_comes(tmp_path, monkeypatch):
     # between two writes of the campaign's own
-    monkeypatch.setattr(driver, "_FLUSH_INTERVAL_S", 1e9)
+    monkeypatch.setattr(fan_out, "_FLUSH_INTERVAL_S", 1e9)
     advance, finished = driver.CampaignProgress.advance, []
 
     def advance_and_interrupt(self, runs):

@@ -9,7 +9,6 @@ Works in a folder of its own that it makes. Every damaged copy must be refused i
 import random
 import shutil
 import sys
-import tempfile
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -17,29 +16,13 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from campaigns import SHORT, make, run_stage
+from place import copy_of, folder_of_its_own
 
 from pipeline import simulate
 from pipeline.campaign import store
 from pipeline.console.errors import DataError
 
-MARK = ".damage"
 OTHER = ("noise=quiet",)
-
-
-def folder_of_its_own() -> Path:
-    """A new folder, marked as one that may be broken."""
-    folder = Path(tempfile.mkdtemp(prefix="inscal-damage-"))
-    (folder / MARK).touch()
-    return folder
-
-
-def copy_of(good: Path, name: str = "bad") -> Path:
-    """A copy to break, in the marked folder and nowhere else."""
-    folder = good.parent
-    if not (folder / MARK).is_file():
-        raise SystemExit(f"{folder}: not a folder that this program made")
-    shutil.rmtree(folder / name, ignore_errors=True)
-    return Path(shutil.copytree(good, folder / name))
 
 
 def flip(bad: Path, rng: random.Random) -> str:
