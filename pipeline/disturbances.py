@@ -21,7 +21,7 @@ growth out site simulation sensor bounds.
 from pipeline.campaign.driver import simulate_campaign
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
-from pipeline.console.output import write_found
+from pipeline.console.output import signed, write_found
 from pipeline.study.disturbances import content, page, plans
 
 _FILE = "results/disturbances.json"
@@ -34,7 +34,7 @@ def main(config: Config) -> None:
     for plan in planned:
         simulate_campaign(plan.config)
     found = content(config, planned)
-    write_found(config.out or _FILE, found, page(found))
+    write_found(config.out or _FILE, signed(found), page(found))
 
 
 if __name__ == "__main__":

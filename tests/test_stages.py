@@ -154,7 +154,7 @@ def test_summarize_writes_csv_and_json_and_nothing_else(cwd, campaigns):
     content = json.loads(Path("results/summary/two_pass.json").read_text())
     assert set(content) == {
         *("confidence", "campaign", "seed", "passes", "truth", "schedule", "noise"),
-        *("quadratic_unit", "failed_runs", "runs_done", "runs_failed", "precision"),
+        *("quadratic_unit", "failed_runs", "runs_done", "runs_failed", "precision", "sha256"),
         "least_precise",
         *("passes_taken", "failures", "runs_contradicted"),
         *("joint_share", "joint_share_lower", "joint_share_upper"),

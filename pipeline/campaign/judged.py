@@ -14,7 +14,7 @@ from pipeline.config.load import differences, disturbances, position_durations
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError
-from pipeline.console.output import complain, json_text
+from pipeline.console.output import complain, json_text, signed
 
 _FOLDER = Path("results/summary")
 
@@ -116,7 +116,7 @@ def _verdicts(campaign: xr.Dataset) -> dict[str, Any]:
 def as_json(dataset: xr.Dataset) -> str:
     """JSON text of a dataset on parameter: attributes, scalars, then one object per parameter.
 
-    `pipeline.console.output.json_data` reads it back; NaN is null in between.
+    `pipeline.console.output.json_data` reads it back; NaN is null in between. It is signed.
     """
     scalars = {name: v.item() for name, v in dataset.data_vars.items() if v.ndim == 0}
     columns = {name: v.to_numpy().tolist() for name, v in dataset.data_vars.items() if v.ndim}
@@ -125,7 +125,7 @@ def as_json(dataset: xr.Dataset) -> str:
         str(name): {key: values[place] for key, values in columns.items()}
         for place, name in enumerate(dataset["parameter"].to_numpy())
     }
-    return json_text(dataset.attrs | scalars | {"parameters": table})
+    return json_text(signed(dataset.attrs | scalars | {"parameters": table}))
 
 
 _RESAMPLES = 4000
@@ -171,8 +171,20 @@ def comparison(
         result = compare(left, right, resamples=_RESAMPLES, seed=left.attrs["seed"], bound=bound)
     except ValueError as error:
         raise DataError(f"a = {a}, b = {b}: {error}") from None
+    complain(_unpaired(a, left, right))
+    complain(_unpaired(b, right, left))
     duration = [_duration(campaign) for campaign in (left, right)]
     return result.assign_attrs(a=Path(a).name, b=Path(b).name, duration_s=duration)
+
+
+def _unpaired(path: str | Path, campaign: xr.Dataset, other: xr.Dataset) -> list[str]:
+    """Say how many runs of the other campaign a campaign does not have."""
+    own, others = (
+        set(one["run"].to_numpy()[(one["status"] != store.NOT_RUN).to_numpy()].tolist())
+        for one in (campaign, other)
+    )
+    missing = len(others - own)
+    return [f"note: {path}: {missing} runs of the other are not made here"] if missing else []
 
 
 def _duration(campaign: xr.Dataset) -> float:

@@ -15,13 +15,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.console.output import replacing
+from pipeline.console.output import SIGNATURE, digest, replacing
 
 NAME = "status/manifest.json"
 """Within an array's folder: beside the arrays zarr would take it for one, and warn."""
 ROOT = "zarr.json"
 """Names path and batch, so it has its own digest, and the manifest is the same wherever it lies."""
-_SIGNED = "sha256"
 _TRIES = 5
 """Looks at a store that another process writes to meanwhile."""
 
@@ -77,7 +76,7 @@ def read(path: Path) -> Manifest | None:
     try:
         whole = json.loads(text)
         said, content = whole["sha256"], whole["content"]
-        if said != _digest(_canonical(content)):
+        if said != digest(content):
             raise ValueError
         return Manifest(**content)
     except (ValueError, KeyError, TypeError):
@@ -94,14 +93,14 @@ def sign(path: Path) -> None:
     """Enter the digest of a store's root in its attributes."""
     file = path / ROOT
     about = json.loads(file.read_text(encoding="utf-8"))
-    about["attributes"][_SIGNED] = _root_digest(about)
+    about["attributes"][SIGNATURE] = _root_digest(about)
     with replacing(file) as beside:
         beside.write_text(json.dumps(about, indent=2), encoding="utf-8")
 
 
 def _root_digest(about: Any) -> str:
-    rest = {key: value for key, value in about["attributes"].items() if key != _SIGNED}
-    return _digest(_canonical(about | {"attributes": rest}))
+    rest = {key: value for key, value in about["attributes"].items() if key != SIGNATURE}
+    return digest(about | {"attributes": rest})
 
 
 def go_on(path: Path, fingerprint: str) -> None:
@@ -154,13 +153,13 @@ def _differences(path: Path, about: Manifest) -> list[Damage]:
     out = []
     if ROOT not in trusted:
         out += _of_root(path, about.fingerprint)
-    for name, digest in about.files.items():
+    for name, written in about.files.items():
         if name in trusted:
             continue
         content = _bytes(path / name)
         if content is None:
             out.append(Damage(name, "is missing"))
-        elif _digest(content) != digest:
+        elif _digest(content) != written:
             out.append(Damage(name, "is not as it was written"))
     known = {*about.files, *trusted}
     out += [Damage(name, "is no file of this store") for name in _names(path) if name not in known]
@@ -171,7 +170,7 @@ def _of_root(path: Path, fingerprint: str) -> list[Damage]:
     try:
         found = json.loads((path / ROOT).read_text(encoding="utf-8"))
         attributes = found["attributes"]
-        if attributes[_SIGNED] != _root_digest(found):
+        if attributes[SIGNATURE] != _root_digest(found):
             return [Damage(ROOT, "is not as it was written")]
         if attributes["fingerprint"] != fingerprint:
             return [Damage(ROOT, "is another campaign's")]
@@ -209,13 +208,9 @@ def _bytes(file: Path) -> bytes | None:
 
 def _write(path: Path, about: Manifest) -> None:
     content = vars(about) | {"files": dict(sorted(about.files.items()))}
-    whole = {"sha256": _digest(_canonical(content)), "content": content}
+    whole = {"sha256": digest(content), "content": content}
     with replacing(path / NAME) as file:
         file.write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")
-
-
-def _canonical(content: Any) -> bytes:
-    return json.dumps(content, sort_keys=True).encode()
 
 
 def _digest(content: bytes) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 
 from pipeline.config.schema import Campaign, Cluster
 from pipeline.console.errors import DataError
-from pipeline.console.output import complain, write_json
+from pipeline.console.output import SIGNATURE, complain, is_as_signed, signed, write_json
 
 NOT_RECORDED = "not recorded"
 
@@ -47,7 +47,7 @@ def session(campaign: Campaign, cluster: Cluster, pending: Callable[[], int]) ->
         older one's log makes way.
     """
     before, started = pending(), time.monotonic()
-    earlier = sessions(campaign.store) if before < campaign.runs else []
+    earlier = _earlier(campaign.store) if before < campaign.runs else []
     try:
         yield
     finally:
@@ -56,7 +56,7 @@ def session(campaign: Campaign, cluster: Cluster, pending: Callable[[], int]) ->
         except DataError:  # the store was taken away, which was said already
             made = 0
         if made:
-            entry = _entry(time.monotonic() - started, made, cluster)
+            entry = signed(_entry(time.monotonic() - started, made, cluster))
             try:
                 write_json(log_path(campaign.store), [*earlier, entry])
             except DataError as error:
@@ -77,12 +77,42 @@ def _entry(seconds: float, runs: int, cluster: Cluster) -> dict[str, Any]:
 
 
 def sessions(store: str | Path) -> list[dict[str, Any]]:
-    """Sessions of a campaign, oldest first; none if they are not recorded."""
+    """Sessions of a campaign, oldest first; none if they are not recorded.
+
+    Raises
+    ------
+    DataError
+        If the file is not as it was written.
+    """
+    path = log_path(store)
     try:
-        found = json.loads(log_path(store).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
         return []
-    return [entry for entry in found if isinstance(entry, dict)] if isinstance(found, list) else []
+    except (OSError, ValueError):
+        found = None
+    # of before sessions had no digests
+    if not isinstance(found, list) or not all(_is_whole(entry) for entry in found):
+        raise DataError(
+            f"{path}: is not as it was written; delete it to go on without knowing where the runs "
+            "were made"
+        )
+    return found
+
+
+def _is_whole(entry: Any) -> bool:
+    if not isinstance(entry, dict) or not isinstance(entry.get("seconds"), int | float):
+        return False
+    return SIGNATURE not in entry or is_as_signed(entry)
+
+
+def _earlier(store: str | Path) -> list[dict[str, Any]]:
+    """As `sessions`; what is not as it was written makes way, and that is said."""
+    try:
+        return sessions(store)
+    except DataError:
+        complain([f"warning: {log_path(store)}: was not as it was written, and begins anew"])
+        return []
 
 
 def commit() -> dict[str, Any]:

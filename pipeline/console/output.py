@@ -1,5 +1,6 @@
 """Small files and lines a stage leaves."""
 
+import hashlib
 import json
 import math
 import os
@@ -11,6 +12,9 @@ from typing import Any
 
 from pipeline.console import interrupts
 from pipeline.console.errors import ConfigError, DataError
+
+SIGNATURE = "sha256"
+"""Key of a mapping's own digest."""
 
 
 def complain(lines: Iterable[str]) -> None:
@@ -83,6 +87,23 @@ def json_data(text: str) -> Any:
         If it is no JSON.
     """
     return _from_strict(json.loads(text))
+
+
+def digest(data: Any) -> str:
+    """SHA-256 of data as strict JSON, whatever the order of its keys."""
+    text = json.dumps(_to_strict(data), sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def signed(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Data with its own digest, by which `is_as_signed` sees whether it was changed."""
+    rest = {key: value for key, value in data.items() if key != SIGNATURE}
+    return {**rest, SIGNATURE: digest(rest)}
+
+
+def is_as_signed(data: Any) -> bool:
+    """Whether data is a mapping with its own digest, and unchanged since."""
+    return isinstance(data, Mapping) and data.get(SIGNATURE) == signed(data)[SIGNATURE]
 
 
 def write_json(path: str | Path, data: Any, *, indent: int = 1) -> None:

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from inscal.parameters import KINDS, NAMES, UNITS, members
 from pipeline.charts import style
 from pipeline.config.setup import Setup
-from pipeline.console.output import json_text
+from pipeline.console.output import json_text, signed
 from pipeline.paper import claims
 from pipeline.paper.accuracy_study import Study, kind_probability
 from pipeline.paper.claims import TEMPLATES
@@ -212,7 +212,7 @@ def numbers(study: Study) -> str:
             for i, name in enumerate(NAMES)
         },
     }
-    return json_text(content)
+    return json_text(signed(content))
 
 
 @style.styled

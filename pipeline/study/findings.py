@@ -13,7 +13,7 @@ from typing import Any
 
 from pipeline.campaign import store
 from pipeline.console.errors import DataError
-from pipeline.console.output import json_data
+from pipeline.console.output import is_as_signed, json_data
 from pipeline.study import honesty
 from pipeline.study.honesty import Summary, ratios
 from pipeline.study.names import CAMPAIGNS, COMPARISONS, MAIN, PAPER_TRUTH, RUNS
@@ -82,14 +82,17 @@ def read_json(path: str | Path, stage: str) -> dict[str, Any]:
     Raises
     ------
     DataError
-        If it is missing or no JSON.
+        If it is missing or not as it was written.
     """
     try:
-        return json_data(Path(path).read_text(encoding="utf-8"))
+        found = json_data(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise DataError(f"{path}: not found; make it with pipeline.{stage}") from None
     except (OSError, ValueError):
         raise DataError(f"{path}: cannot be read; make it anew with pipeline.{stage}") from None
+    if not is_as_signed(found):
+        raise DataError(f"{path}: is not as it was written; make it anew with pipeline.{stage}")
+    return found
 
 
 def read_summary(name: str) -> dict[str, Any]:

@@ -317,7 +317,20 @@ def test_log_that_cannot_be_written_is_a_warning(tmp_path, capsys):
     provenance.log_path(tmp_path / "runs").mkdir()
     make(tmp_path / "runs")
     assert "log.json: cannot be written" in capsys.readouterr().err
-    assert provenance.sessions(tmp_path / "runs") == []
+    with pytest.raises(DataError, match="is not as it was written"):
+        provenance.sessions(tmp_path / "runs")
+
+
+def test_an_edited_log_is_told_and_begins_anew(tmp_path, capsys):
+    path = make(tmp_path / "runs")
+    log = provenance.log_path(path)
+    log.write_text(log.read_text().replace('"runs": 30', '"runs": 31'))
+    with pytest.raises(DataError, match="is not as it was written"):
+        page.campaigns(load([]), [str(path)])
+    set_status(path, slice(20, 30), store.NOT_RUN)
+    make(path)
+    assert "begins anew" in capsys.readouterr().err
+    assert [entry["runs"] for entry in provenance.sessions(path)] == [10]
 
 
 def test_commit_is_that_of_this_code_alone(tmp_path, monkeypatch):

@@ -1,9 +1,9 @@
 """What the results assume, and the disturbances that take it away."""
 
-import json
 from collections import Counter
 
 from pipeline.config.disturbance import IDLE, KEYS
+from pipeline.console.output import json_text, signed
 from pipeline.page.study import assumptions_section
 from pipeline.study import assumptions
 from pipeline.study.names import ASSUMPTIONS
@@ -49,7 +49,7 @@ def test_it_is_read_where_it_was_written_and_left_out_where_not(tmp_path, monkey
     assert assumptions.read() is None
     assert "pipeline.disturbances" in assumptions_section(None).left_out
     assumptions.PATH.parent.mkdir()
-    assumptions.PATH.write_text(json.dumps(FOUND))
+    assumptions.PATH.write_text(json_text(signed(FOUND)))
     (table,) = assumptions_section(assumptions.read()).tables
     assert len(table.rows) == 4
     assert "500 runs each" in table.caption

@@ -1,6 +1,5 @@
 import copy
 import dataclasses
-import json
 import re
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from pipeline.charts import campaigns as plots
 from pipeline.charts import style as figure_style
 from pipeline.config.load import load, resolved
 from pipeline.console.errors import DataError
-from pipeline.console.output import json_data
+from pipeline.console.output import json_data, json_text, signed
 from pipeline.study import findings, honesty, names, report
 from pipeline.study.campaign import Campaign, read
 from pipeline.study.findings import Results
@@ -39,7 +38,7 @@ def campaign(seed=1, scale=1.0):
         {
             "truth": (("run", "parameter"), truth),
             "estimate": (("run", "parameter"), truth + error),
-            "error": (("run", "parameter"), error),
+            "error": (("run", "parameter"), truth + error - truth),
             "predicted_std": ("parameter", SIGMA.copy()),
             "nees": ("run", np.square(error / SIGMA).sum(axis=1)),
             "status": ("run", np.ones(RUNS, np.int8)),
@@ -271,7 +270,7 @@ def test_report_reads_what_the_stages_write(tmp_path, monkeypatch, results):
     for folder, files in (("summary", results.summaries), ("comparison", results.comparisons)):
         (tmp_path / "results" / folder).mkdir(parents=True)
         for name, content in files.items():
-            (tmp_path / "results" / folder / f"{name}.json").write_text(json.dumps(content))
+            (tmp_path / "results" / folder / f"{name}.json").write_text(json_text(signed(content)))
     campaign().to_zarr(tmp_path / "results" / "runs" / MAIN, consolidated=False, zarr_format=3)
     assert report.report_text(findings.collect()) == report.report_text(results)
 
