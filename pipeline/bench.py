@@ -21,7 +21,7 @@ from pipeline.config.stage import stage
 from pipeline.console.output import write_json
 
 
-@stage
+@stage(writes=(".json",))
 def main(config: Config) -> None:
     """Measure, print, and write as JSON where `out` says."""
     experiment = Setup(config).experiment  # compiles or loads what is compiled

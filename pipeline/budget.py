@@ -28,7 +28,7 @@ from pipeline.charts.budget import contributions, mosaic, over_time
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
-from pipeline.console.output import refuse_other_ending, write_json, write_text
+from pipeline.console.output import write_json, write_text
 from pipeline.console.terminal import new_table, show
 from pipeline.study.budget import Sheet, checkpoints, sheet
 from pipeline.study.budget_page import csv, page, sensitivities, shares, tolerances, traces
@@ -58,10 +58,9 @@ def _show_tolerances(found: Sheet) -> None:
     show("each alone: the largest size at which the filter can be believed", table)
 
 
-@stage
+@stage(writes=(".json", ".md", ".png"))
 def main(config: Config) -> None:
     """Print the budget and the tolerances; write all of it where `out` says."""
-    refuse_other_ending(config.out, ".json", "the page")
     found = sheet(Setup(config))
     _show_parameters(found)
     if found.size:

@@ -21,7 +21,7 @@ from pipeline.charts.log import residuals
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
-from pipeline.console.output import refuse_other_ending, write_found, write_text
+from pipeline.console.output import write_found, write_text
 from pipeline.console.terminal import show_rows
 from pipeline.logs.calibration import calibrated, read_log
 from pipeline.logs.evidence import evidence
@@ -30,12 +30,11 @@ from pipeline.logs.result import compensation, content, page, rows, said
 _SHOWN = 5
 
 
-@stage
+@stage(writes=(".json", ".md", ".yaml"))
 def main(config: Config) -> None:
     """Calibrate, print and write."""
     if config.log is None:
         raise ConfigError("log = null: must be the path of a log's header")
-    refuse_other_ending(config.out, ".json", "the page")
     if config.out and Path(config.out).with_suffix(".yaml").resolve() == Path(config.log).resolve():
         raise ConfigError(f"out = {config.out!r}: the compensation file would replace the header")
     found = calibrated(read_log(config), config)

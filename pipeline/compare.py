@@ -43,14 +43,12 @@ def print_comparison(result: xr.Dataset) -> None:
     show(title, table)
 
 
-@stage
+@stage(writes=(".csv", ".json", ".md"))
 def main(config: Config) -> None:
     """Compare stores `a` and `b` into a table and a verdict, on the terminal and in files."""
     for key in ("a", "b"):
         if getattr(config, key) is None:
             raise ConfigError(f"{key} = null: must be the path of a campaign store")
-    if config.out and Path(config.out).suffix == ".json":
-        raise ConfigError(f"out = {config.out!r}: must be a CSV file; the JSON file goes beside it")
     result = comparison_of(config.a or "", config.b or "", bounds_of(config))
     print_comparison(result)
     content = as_json(result)

@@ -19,17 +19,16 @@ from pathlib import Path
 
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
-from pipeline.console.output import refuse_other_ending, write_found, write_text
+from pipeline.console.output import write_found, write_text
 from pipeline.console.progress import note
 from pipeline.study.design import Search
 from pipeline.study.design_page import content, page, schedule_text
 
 
-@stage
+@stage(writes=(".json", ".md"))
 def main(config: Config) -> None:
     """Search, and write what was found."""
     about = config.design
-    refuse_other_ending(config.out, ".json", "the page")
     search = Search(config)
     found = search.best(note)
     file = Path(about.folder) / f"{about.name}.yaml"

@@ -27,7 +27,7 @@ from pipeline.study.disturbances import content, page, plans
 _FILE = "results/disturbances.json"
 
 
-@stage
+@stage(writes=(".json", ".md"))
 def main(config: Config) -> None:
     """Make the campaigns and judge them."""
     planned = plans(config)

@@ -26,7 +26,7 @@ from pipeline.study.estimators import content, page, plans
 _FILE = "results/estimators.json"
 
 
-@stage
+@stage(writes=(".json", ".md"))
 def main(config: Config) -> None:
     """Make the campaigns and judge them."""
     planned = plans(config)

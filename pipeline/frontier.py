@@ -26,7 +26,7 @@ from pipeline.study.frontier import content, page
 _FILE = "results/frontier.json"
 
 
-@stage
+@stage(writes=(".json", ".md", ".png"))
 def main(config: Config) -> None:
     """Predict, search and draw."""
     found = content(config)

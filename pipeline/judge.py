@@ -16,18 +16,17 @@ Reads: estimates mapping campaign.store bounds out.
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
-from pipeline.console.output import refuse_other_ending, write_found
+from pipeline.console.output import write_found
 from pipeline.console.terminal import say, show_rows
 from pipeline.study.findings import contest, contest_verdict, joint_text
 from pipeline.study.others import HEADINGS, content, judge, page, rows
 
 
-@stage
+@stage(writes=(".json", ".md"))
 def main(config: Config) -> None:
     """Judge, print and write."""
     if config.estimates is None:
         raise ConfigError("estimates = null: must be the path of a table of estimates")
-    refuse_other_ending(config.out, ".json", "the page")
     found = judge(config)
     show_rows(str(config.estimates), HEADINGS[:2], HEADINGS[2:6], [r[:6] for r in rows(found)])
     print(f"all within bounds at once: {joint_text(found.summary)} of runs")

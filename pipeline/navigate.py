@@ -20,18 +20,17 @@ from pipeline.charts.flight import errors
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
-from pipeline.console.output import refuse_other_ending, write_found
+from pipeline.console.output import write_found
 from pipeline.console.terminal import show_rows
 from pipeline.logs.flight import LANES, content, flown, page, rows
 
 
-@stage
+@stage(writes=(".json", ".md", ".png"))
 def main(config: Config) -> None:
     """Navigate, print and write."""
     for key in ("log", "compensation"):
         if getattr(config, key) is None:
             raise ConfigError(f"{key} = null: must be the path of a file")
-    refuse_other_ending(config.out, ".json", "the page")
     found = flown(config)
     show_rows(found.log, ("",), LANES, rows(found))
     if config.out:

@@ -22,19 +22,18 @@ from pipeline.charts.noise import allan
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
-from pipeline.console.output import refuse_other_ending, write_found, write_text
+from pipeline.console.output import write_found, write_text
 from pipeline.console.terminal import show_rows
 from pipeline.logs.resting import configuration, content, noise_of, page, rows
 
 _UNITS = {"gyro": ("deg/h", DEG_PER_HOUR), "accel": ("ug", MICRO_G)}
 
 
-@stage
+@stage(writes=(".json", ".md", ".png"))
 def main(config: Config) -> None:
     """Fit, print and write."""
     if config.log is None:
         raise ConfigError("log = null: must be the path of a log's header")
-    refuse_other_ending(config.out, ".json", "the page")
     found = noise_of(config)
     files = configuration(found, config)
     show_rows(found.log, ("sensor", "noise", "unit"), ("x", "y", "z"), rows(found, intervals=False))

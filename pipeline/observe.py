@@ -21,7 +21,7 @@ from pipeline.charts.observability import sigma_heat_map
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
-from pipeline.console.output import complain, refuse_other_ending, write_text
+from pipeline.console.output import complain, write_text
 from pipeline.console.terminal import new_table, say, show, show_rows
 from pipeline.study import unseen
 from pipeline.study.observability import (
@@ -73,10 +73,9 @@ def print_sigmas(config: Config, found: Observability) -> None:
         print(f"  {text}")
 
 
-@stage
+@stage(writes=(".csv", ".png"))
 def main(config: Config) -> None:
     """Print ranks and sigmas of a path; write the sigmas where `out` says."""
-    refuse_other_ending(config.out, ".csv", "the heat map")
     setup = Setup(config)
     complain(setup.warnings)
     print_ranks(config)

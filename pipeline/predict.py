@@ -25,7 +25,7 @@ from pipeline.console.terminal import new_table, show, show_augmented, show_rows
 from pipeline.study import unseen
 
 
-@stage
+@stage(writes=(".json",))
 def main(config: Config) -> None:
     """Print the table; write it as JSON where `out` says."""
     setup = Setup(config)

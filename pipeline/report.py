@@ -17,13 +17,14 @@ Reads: campaigns out bounds.
 
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
+from pipeline.console.errors import ConfigError
 from pipeline.console.output import write_text
 from pipeline.page import compose as page
 from pipeline.study import assumptions, findings
 from pipeline.study.report import PAGE, PATH, report_text
 
 
-@stage
+@stage(writes=(".html",))
 def main(config: Config) -> None:
     """Write the report of the study, or a page of the campaigns asked for."""
     if config.campaigns is not None:
@@ -31,6 +32,8 @@ def main(config: Config) -> None:
         write_text(path, page.html(page.campaigns(config, config.campaigns)))
         print(path)
         return
+    if config.out:
+        raise ConfigError(f"out = {config.out!r}: must be null without campaigns")
     text = report_text(findings.collect(assumptions.read()))
     html = page.html(page.study(config))
     write_text(PATH, text)

@@ -22,6 +22,7 @@ from pipeline.campaign.driver import simulate_campaign
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
+from pipeline.console.errors import ConfigError
 from pipeline.console.output import complain, written
 
 
@@ -40,10 +41,12 @@ def repeat_run(config: Config) -> None:
     print(f"run {config.only_run} of seed {config.campaign.seed}: course in {path}")
 
 
-@stage
+@stage(writes=(".nc",))
 def main(config: Config) -> None:
     """Run the campaign, or the one run asked for."""
     complain(Setup(config).warnings)
+    if config.only_run is None and config.out:
+        raise ConfigError(f"out = {config.out!r}: must be null without only_run")
     if config.only_run is None:
         simulate_campaign(config)
     else:

@@ -7,20 +7,23 @@ For example::
     python -m pipeline.summarize schedule=position19 noise=quiet
     python -m pipeline.summarize campaign.store=results/runs/try bounds.gyro_bias_deg_per_h=0.002
 
-Reads: schedule noise campaign.store campaign.max_failed_share bounds.
+Reads: schedule noise campaign.store campaign.max_failed_share bounds out.
 """
 
 import textwrap
+from pathlib import Path
 
 import xarray as xr
 
-from pipeline.campaign.judged import _FOLDER, as_json, summary_of, table_text
+from pipeline.campaign.judged import as_json, summary_of, table_text
 from pipeline.campaign.store import refuse_failures
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
+from pipeline.console.errors import ConfigError
 from pipeline.console.output import json_data, write_text
 from pipeline.console.terminal import new_table, show, show_augmented
 from pipeline.study import findings
+from pipeline.study.findings import SUMMARY_FOLDER
 from pipeline.study.honesty import told
 from pipeline.words.markdown import number
 
@@ -68,7 +71,20 @@ def print_summary(summary: xr.Dataset) -> None:
         show_augmented(keys, cells)
 
 
-@stage
+def _default(config: Config, summary: xr.Dataset) -> Path:
+    """Where the summary goes without `out`; ConfigError if another store's is there."""
+    path = SUMMARY_FOLDER / f"{summary.attrs['campaign']}.json"
+    if path.exists():
+        other = findings.read_summary(path.stem).get("store", summary.attrs["store"])
+        if other != summary.attrs["store"]:
+            raise ConfigError(
+                f"campaign.store = {config.campaign.store!r}: must be {other}, whose summary is in "
+                f"{path}, or that is to be given with out=FILE.json"
+            )
+    return path
+
+
+@stage(writes=(".json", ".csv"))
 def main(config: Config) -> None:
     """Summarize one campaign into a table on the terminal, a CSV and a JSON file.
 
@@ -79,9 +95,9 @@ def main(config: Config) -> None:
     """
     summary = summary_of(config, config.campaign.store)
     print_summary(summary)
-    base = _FOLDER / summary.attrs["campaign"]
-    write_text(f"{base}.csv", table_text(summary))
-    write_text(f"{base}.json", as_json(summary))
+    file = Path(config.out) if config.out else _default(config, summary)
+    write_text(file.with_suffix(".csv"), table_text(summary))
+    write_text(file, as_json(summary))
     refuse_failures(config, int(summary.runs_done), int(summary.runs_failed))
 
 

@@ -83,7 +83,8 @@ def history_dataset(config: Config) -> xr.Dataset:
         },
         attrs={
             "run": number,
-            "seed": config.campaign.seed,
+            # a netCDF file of this form has no integers longer than 32 bits
+            "seed": seed if (seed := config.campaign.seed) < 2**31 else str(seed),
             "positions": setup.schedule.positions,
             "configuration": json.dumps(resolved(config)),
         },

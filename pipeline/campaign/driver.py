@@ -16,6 +16,7 @@ from pipeline.campaign import provenance, store
 from pipeline.campaign.cluster import check, client
 from pipeline.campaign.fan_out import fan_out
 from pipeline.campaign.lock import writing
+from pipeline.config import need
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.console import interrupts
@@ -41,6 +42,7 @@ def simulate_campaign(config: Config) -> None:
         If more of the runs failed than `campaign.max_failed_share` allows.
     """
     check(config.cluster)
+    complain(need.fit(config))
     setup = Setup(config)
     experiment = setup.experiment
     complain(setup.linearisation)

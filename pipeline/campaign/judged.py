@@ -16,8 +16,6 @@ from pipeline.config.setup import Setup
 from pipeline.console.errors import DataError
 from pipeline.console.output import complain, json_text, signed
 
-_FOLDER = Path("results/summary")
-
 
 def summary_of(config: Config, path: str | Path) -> xr.Dataset:
     """Summary of a campaign store.
@@ -54,6 +52,7 @@ def summary(config: Config, path: str | Path, campaign: xr.Dataset) -> xr.Datase
     configuration = campaign.attrs["configuration"]
     return found.assign_attrs(
         campaign=Path(path).name,
+        store=_shown(path),
         seed=campaign.attrs["seed"],
         passes=configuration["estimator"]["passes"],
         truth=configuration["truth"]["distribution"],
@@ -65,6 +64,12 @@ def summary(config: Config, path: str | Path, campaign: xr.Dataset) -> xr.Datase
         **_augmented(campaign),
         **_verdicts(campaign),
     )
+
+
+def _shown(path: str | Path) -> str:
+    """Path of a store from here, if it is below, for others to find it."""
+    whole, here = Path(path).resolve(), Path.cwd().resolve()
+    return (whole.relative_to(here) if whole.is_relative_to(here) else whole).as_posix()
 
 
 def bounds_of(config: Config) -> xr.DataArray:

@@ -26,7 +26,8 @@ def writing(store: str | Path) -> Iterator[None]:
     DataError
         If another process writes it, or the file cannot be made.
     """
-    path = Path(store).parent / f".{Path(store).name}.lock"
+    place = Path(store).resolve()  # one lock for a store with two names
+    path = place.with_name(f".{place.name}.lock")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         file = _locked(path)

@@ -55,7 +55,7 @@ def open_store(
         If something else is in the way: other files, or a store of another configuration, unless
         `campaign.replace` allows to delete the latter; or if it cannot be written.
     """
-    path = Path(config.campaign.store)
+    path = Path(config.campaign.store).resolve()  # a link stays what it is
     try:
         return _opened(config, predicted_std, augmented_std, path)
     except OSError as error:

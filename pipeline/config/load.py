@@ -19,6 +19,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from inscal.parameters import AUGMENTATIONS
+from pipeline.config.arguments import checked
 from pipeline.config.disturbance import IDLE, key_of
 from pipeline.config.messages import one_line
 from pipeline.config.rules import Rule, check
@@ -34,13 +35,17 @@ RUN_GROUPS = (
 VERSION_BASE = "1.3"
 """Version of Hydra whose behaviour is asked for."""
 
-# Hydra lets plain ValueErrors out (noise=null), and OmegaConf integers too large for a float.
+# Hydra lets plain errors out where it meets a list for a name, and OmegaConf integers too large
+# for a float.
 COMPOSE_ERRORS = (
     HydraException,
     OmegaConfBaseException,
     yaml.YAMLError,
     ValueError,
     OverflowError,
+    TypeError,
+    AttributeError,
+    RecursionError,
 )
 """What can be raised before a configuration is typed."""
 
@@ -100,7 +105,7 @@ def load(overrides: Sequence[str] = (), program: Program = PRODUCT) -> Any:
     program.register()
     try:
         with hydra.initialize_config_dir(str(CONF), version_base=VERSION_BASE):
-            composed = hydra.compose(program.name, overrides=list(overrides))
+            composed = hydra.compose(program.name, overrides=checked(overrides))
     except COMPOSE_ERRORS as error:
         raise ConfigError(program.message(error, overrides)) from error
     finally:

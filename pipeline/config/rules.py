@@ -7,6 +7,7 @@ import math
 import re
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
@@ -25,6 +26,9 @@ Rule = tuple[Callable[[Any], bool], str]
 _MAX_ANGLE_STEP_DEG = 14.0  # inside inscal.rotation.MAX_STEP_ANGLE, where its series are exact
 _MOST_PASSES = 100
 _LONGEST_S = 1e6  # of what is waited for
+_LEAST, _MOST = 1e-30, 1e30  # sizes of numbers
+_MOST_RUNS = 10_000_000
+_LONGEST_NAME, _LONGEST_PATH, _SHOWN = 100, 4000, 160
 _RATIO_TOLERANCE = 1e-9  # rounding of decimal seconds, as in 20.7 / 0.1
 
 _CLUSTER_KEYS: dict[str, tuple[str, ...]] = {
@@ -53,6 +57,7 @@ def check(config: Config, further: Mapping[str, Rule] = MappingProxyType({})) ->
     ConfigError
         At the first value that is not allowed.
     """
+    _check_sizes("", asdict(config))
     for key, rule in {**_RULES, **further}.items():
         _apply(key, attrgetter(key)(config), rule)
     for key, rule in _OPTIONAL_RULES.items():
@@ -75,13 +80,32 @@ def check(config: Config, further: Mapping[str, Rule] = MappingProxyType({})) ->
 
 def _fail(key: str, value: object, allowed: str) -> NoReturn:
     shown = "null" if value is None else repr(value)
+    shown = shown if len(shown) <= _SHOWN else f"{shown[:_SHOWN]}..."
     raise ConfigError(f"{key} = {shown}: must be {allowed}")
 
 
 def _apply(key: str, value: object, rule: Rule) -> None:
     accepts, allowed = rule
-    if not accepts(value):
+    try:
+        accepted = accepts(value)
+    except (TypeError, ValueError, AttributeError, OverflowError):  # of a list in a list
+        accepted = False
+    if not accepted:
         _fail(key, value, allowed)
+
+
+def _check_sizes(key: str, value: object) -> None:
+    """Refuse numbers whose squares or inverses are none that double precision holds."""
+    if isinstance(value, Mapping):
+        for name, part in value.items():
+            _check_sizes(f"{key}.{name}" if key else name, part)
+    elif isinstance(value, list):
+        for place, part in enumerate(value):
+            _check_sizes(f"{key}[{place}]", part)
+    elif isinstance(value, float) and math.isfinite(value) and value:
+        size = abs(value)
+        if size < _LEAST or size > _MOST:
+            _fail(key, value, f"0, or of a size from {_LEAST:g} to {_MOST:g}")
 
 
 def _is_number(value: object) -> bool:
@@ -97,6 +121,16 @@ def _is_count(value: float) -> bool:
 
 def _is_triple_of_positive(value: object) -> bool:
     return isinstance(value, list) and len(value) == 3 and all(POSITIVE[0](v) for v in value)
+
+
+def _is_path(value: str) -> bool:
+    local = re.match(r"[A-Za-z][A-Za-z0-9+.-]+://?", value) is None
+    return (
+        value.isprintable()
+        and value == value.strip() != ""
+        and local
+        and len(value) <= _LONGEST_PATH
+    )
 
 
 def _is_address(value: str) -> bool:
@@ -124,16 +158,20 @@ POSITIVE: Rule = (lambda v: _is_number(v) and v > 0, "a finite number > 0")
 PASSES: Rule = (lambda v: 1 <= v <= 10, "an integer from 1 to 10")
 MOST_PASSES: Rule = (lambda v: 1 <= v <= _MOST_PASSES, f"an integer from 1 to {_MOST_PASSES}")
 COUNT: Rule = (lambda v: v >= 1, "an integer >= 1")
-INDEX: Rule = (lambda v: v >= 0, "an integer >= 0")
-STORE: Rule = (lambda v: v.strip() != "", "a path, not empty")
+INDEX: Rule = (lambda v: 0 <= v < 2**63, "an integer >= 0, below 2^63")
+STORE: Rule = (
+    lambda v: _is_path(v),
+    "a path, not empty, of this machine, without control characters or blanks at its ends",
+)
 STORES: Rule = (
     lambda v: len(set(v)) == len(v) > 0 and all(map(STORE[0], v)),
     "a list of one or more paths, each once",
 )
-FILE: Rule = (lambda v: v.strip() != "" and not Path(v).is_dir(), "the path of a file")
+FILE: Rule = (lambda v: _is_path(v) and not Path(v).is_dir(), "the path of a file")
 REASON: Rule = (lambda v: v.strip() != "", "the reason in words, not empty")
 NAME: Rule = _matching(
-    r"[A-Za-z0-9][A-Za-z0-9._-]*", "letters, digits, '.', '_' and '-', first a letter or digit"
+    rf"[A-Za-z0-9][A-Za-z0-9._-]{{0,{_LONGEST_NAME - 1}}}",
+    f"letters, digits, '.', '_' and '-', first a letter or digit, {_LONGEST_NAME} at most",
 )
 TRIPLE_OF_POSITIVE: Rule = (_is_triple_of_positive, "a list of 3 finite numbers > 0")
 
@@ -174,7 +212,7 @@ _RULES: dict[str, Rule] = {
     },
     "sensor.quadratic_unit": one_of("pulse", "si"),
     "sensor.accel_pulses_per_m_per_s": POSITIVE,
-    "campaign.runs": COUNT,
+    "campaign.runs": (lambda v: 1 <= v <= _MOST_RUNS, f"an integer >= 1, up to {_MOST_RUNS}"),
     "campaign.seed": INDEX,
     "campaign.batch": COUNT,
     "campaign.store": STORE,
@@ -266,7 +304,9 @@ def _check_kinds(prefix: str, group: object, rule: Rule) -> None:
 
 def _check_schedule(config: Config) -> None:
     schedule = config.schedule
-    _check_posture(schedule.initial_posture)
+    _check_posture("schedule.initial_posture", schedule.initial_posture)
+    if config.design.last_posture is not None:
+        _check_posture("design.last_posture", config.design.last_posture)
     if not schedule.rotations:
         _fail("schedule.rotations", [], "at least one [angle_deg, axis]; this is an empty schedule")
     for number, rotation in enumerate(schedule.rotations):
@@ -291,8 +331,8 @@ def check_duration(key: str, value: float | None, config: Config) -> None:
         _fail(key, value, f"a multiple of estimator.update_interval_s, which is {interval!r}")
 
 
-def _check_posture(posture: list[str]) -> None:
-    key, allowed = "schedule.initial_posture", f"3 of {', '.join(DIRECTIONS)}"
+def _check_posture(key: str, posture: list[str]) -> None:
+    allowed = f"3 of {', '.join(DIRECTIONS)}"
     if len(posture) != 3 or any(name not in list(DIRECTIONS) for name in posture):
         _fail(key, posture, allowed)
     (x1, x2, x3), (y1, y2, y3), z = (DIRECTIONS[name] for name in posture)

@@ -4,20 +4,28 @@ import functools
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 import hydra
 from omegaconf import DictConfig
 
+from pipeline.config import arguments, files, need
 from pipeline.config.load import COMPOSE_ERRORS, PRODUCT, VERSION_BASE, Program, typed
-from pipeline.console import interrupts
+from pipeline.console import interrupts, out
 from pipeline.console.errors import ConfigError, DataError, FailedRunsError
 from pipeline.console.help import CONF, help_text, is_asked
 
+_LONGEST_WORD, _SHOWN = 200, 80
 
-def stage(main: Callable[[Any], None], program: Program = PRODUCT) -> Callable[[], None]:
+
+def stage(
+    main: Callable[[Any], None] | None = None,
+    program: Program = PRODUCT,
+    *,
+    writes: Sequence[str] = (),
+) -> Any:
     """Make a stage's main function a Hydra program, for ``python -m pipeline.<stage>``.
 
     The program ends with exit code 2 and one line on stderr after a `ConfigError` or `DataError`,
@@ -27,22 +35,29 @@ def stage(main: Callable[[Any], None], program: Program = PRODUCT) -> Callable[[
 
     Parameters
     ----------
-    main : callable
-        Takes the checked `Config`.
+    main : callable, optional
+        Takes the checked `Config`; without, a decorator is returned that takes it.
     program : Program
         What the stage reads.
+    writes : sequence of str
+        Endings of the files that `out` asks for, its own first, as of `pipeline.console.out.check`.
 
     Returns
     -------
     callable
         Takes nothing; reads the command line.
     """
+    if main is None:
+        return functools.partial(stage, program=program, writes=writes)
     defects: list[Exception] = []
 
     @functools.wraps(main)  # Hydra names the program after the module of the wrapped function
     def job(composed: DictConfig) -> None:
         try:
-            main(typed(composed, sys.argv[1:], program))
+            config = typed(composed, sys.argv[1:], program)
+            need.check(config)
+            out.check(config.out, writes)
+            main(config)
         except (ConfigError, DataError) as error:
             _stop(str(error))
         except FailedRunsError as error:
@@ -63,6 +78,11 @@ def stage(main: Callable[[Any], None], program: Program = PRODUCT) -> Callable[[
         if found:
             print(found)
             return
+        try:
+            sys.argv[1:] = arguments.checked(sys.argv[1:])
+            files.check(CONF)
+        except ConfigError as error:
+            _stop(str(error))
         os.environ["HYDRA_FULL_ERROR"] = "1"  # or Hydra prints errors itself and exits with 1
         program.register()
         hydra_program = hydra.main(str(CONF), program.name, version_base=VERSION_BASE)(job)
@@ -89,6 +109,12 @@ def _end_with_reader() -> NoReturn:
     raise SystemExit(128 + signal.SIGPIPE)
 
 
+def printable(line: str) -> str:
+    """A line for a terminal: what would control it is written out, very long words are cut."""
+    words = "".join(c if c.isprintable() else repr(c)[1:-1] for c in line).split(" ")
+    return " ".join(w if len(w) <= _LONGEST_WORD else f"{w[:_SHOWN]}...{w[-8:]}" for w in words)
+
+
 def _stop(line: str, code: int = 2) -> NoReturn:
-    print(f"error: {line}", file=sys.stderr)
+    print(f"error: {printable(line)}", file=sys.stderr)
     raise SystemExit(code)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.console import interrupts
-from pipeline.console.errors import ConfigError, DataError
+from pipeline.console.errors import DataError
 
 SIGNATURE = "sha256"
 """Key of a mapping's own digest."""
@@ -109,13 +109,6 @@ def is_as_signed(data: Any) -> bool:
 def write_json(path: str | Path, data: Any, *, indent: int = 1) -> None:
     """Write data as `json_text` has it, making the file's folder; DataError if that cannot be."""
     write_text(path, json_text(data, indent=indent))
-
-
-def refuse_other_ending(out: str | None, ending: str, beside: str) -> None:
-    """Refuse an `out` of another ending, or none; ConfigError says what goes beside the file."""
-    if out and Path(out).suffix != ending:
-        kind = ending.removeprefix(".").upper()
-        raise ConfigError(f"out = {out!r}: must be a {kind} file; {beside} goes beside it")
 
 
 def write_found(path: str | Path, data: Any, page: str) -> None:

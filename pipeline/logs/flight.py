@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from inscal import units
 from inscal.free_inertial import Flight, fly_record
 from inscal.motion import Site
 from inscal.parameters import AUGMENTATIONS, COUNT, NAMES
+from pipeline.config import files
 from pipeline.config.schema import Config
 from pipeline.console.errors import DataError
 from pipeline.logs.calibration import unit_of
@@ -84,13 +84,8 @@ def read_compensation(path: str) -> tuple[np.ndarray, list[str]]:
     DataError
         If it is no such file.
     """
-    try:
-        found = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DataError(f"compensation = {path}: not found") from None
-    except (OSError, UnicodeError, yaml.YAMLError):
-        raise DataError(f"compensation = {path}: must be a readable YAML file") from None
-    if not isinstance(found, dict) or not set(found) & set(NAMES):
+    found = files.mapping(path, "compensation", "a readable YAML file, parameter: number")
+    if not set(found) & set(NAMES):
         raise DataError(f"compensation = {path}: must say parameter: number")
     out, aside = np.zeros(COUNT), []
     for name, value in found.items():

@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from inscal import units
+from pipeline.config import files
 from pipeline.console.errors import DataError
 
 FORMATS = ("table", "psins_bin", "psins_imu", "counts", "novatel", "float64")
@@ -140,14 +140,7 @@ def read_header(path: str | Path) -> Header:
         If it cannot be read, or says something that is not allowed.
     """
     file = Path(path)
-    try:
-        found = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise DataError(f"log = {path}: not found") from None
-    except (OSError, UnicodeError, yaml.YAMLError):
-        raise DataError(f"log = {path}: must be the YAML header of a log") from None
-    if not isinstance(found, dict):
-        raise DataError(f"log = {path}: must be the YAML header of a log, key: value")
+    found = files.mapping(path, "log", "the YAML header of a log, key: value")
     known = {about.name for about in fields(Header)}
     for key in found:
         if key not in known:

@@ -19,7 +19,7 @@ from markupsafe import Markup, escape
 
 from pipeline.config.load import run_settings
 from pipeline.config.schema import Config
-from pipeline.console.errors import ConfigError, DataError
+from pipeline.console.errors import DataError
 from pipeline.gate import history
 from pipeline.gate.judge import BASELINE
 from pipeline.page import campaign as page_campaign
@@ -240,16 +240,7 @@ def _code(text: str) -> Markup:
 
 
 def output_path(config: Config) -> Path:
-    """File that the page of campaigns goes to: `out`, or one beside the first store.
-
-    Raises
-    ------
-    ConfigError
-        If it is no HTML file.
-    """
+    """File that the page of campaigns goes to: `out`, or one beside the first store."""
     assert config.campaigns
     first = Path(config.campaigns[0])
-    path = Path(config.out) if config.out else first.with_name(f"{first.name}.html")
-    if path.suffix != ".html":
-        raise ConfigError(f"out = {config.out!r}: must be an HTML file")
-    return path
+    return Path(config.out) if config.out else first.with_name(f"{first.name}.html")

@@ -1,15 +1,14 @@
 """Tables of estimates of any program: names, units and frames made the project's."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from inscal.frames import ACCELEROMETER_FRAME, in_gyro_frame
 from inscal.parameters import NAMES
+from pipeline.config import files
 from pipeline.config.schema import Config
 from pipeline.console.errors import DataError
 from pipeline.logs.calibration import unit_of
@@ -76,12 +75,8 @@ def read_mapping(path: str | None) -> tuple[bool, dict[str, dict[str, Any]]]:
     """
     if path is None:
         return False, {}
-    try:
-        found = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeError, yaml.YAMLError):
-        raise DataError(f"mapping = {path}: must be a readable YAML file") from None
-    if not isinstance(found, dict):
-        raise DataError(f"mapping = {path}: must say column: {{parameter: ..., factor: ...}}")
+    form = "a readable YAML file, column: {parameter: ..., factor: ...}"
+    found = files.mapping(path, "mapping", form)
     frame = found.pop(_FRAME, "gyro")
     if frame not in _FRAMES:
         raise DataError(f"{path}: frame = {frame!r}: must be one of {', '.join(_FRAMES)}")

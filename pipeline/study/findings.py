@@ -27,7 +27,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 ENOUGH = 0.99
 """Share of runs from which on a bound counts as met."""
 
-_SUMMARY_FOLDER = Path("results/summary")
+SUMMARY_FOLDER = Path("results/summary")
 _COMPARISON_FOLDER = Path("results/comparison")
 _JOINT = (
     *("joint_share_a", "joint_share_b", "joint_difference"),
@@ -97,7 +97,7 @@ def read_json(path: str | Path, stage: str) -> dict[str, Any]:
 
 def read_summary(name: str) -> dict[str, Any]:
     """Read the summary of a campaign; DataError if there is none."""
-    return read_json(_SUMMARY_FOLDER / f"{name}.json", "summarize")
+    return read_json(SUMMARY_FOLDER / f"{name}.json", "summarize")
 
 
 def read_comparison(name: str) -> dict[str, Any]:

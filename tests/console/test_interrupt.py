@@ -169,7 +169,7 @@ from pipeline.console import interrupts
 from pipeline.console import output
 from pipeline.config.stage import stage
 
-@stage
+@stage(writes=(".json",))
 def main(config):
     print("begun", flush=True)
     if config.out:
@@ -215,11 +215,11 @@ def test_an_interrupted_stage_ends_with_one_line(waiting, number):
 
 
 def test_an_interrupted_stage_names_what_it_wrote(waiting, tmp_path):
-    process = waiting("out=file.txt", lines=1)
-    wait_until((tmp_path / "file.txt").exists, process)
+    process = waiting("out=file.json", lines=1)
+    wait_until((tmp_path / "file.json").exists, process)
     time.sleep(0.2)
     os.killpg(process.pid, signal.SIGINT)
-    assert ended(process) == (130, "", ["interrupted: file.txt written"])
+    assert ended(process) == (130, "", ["interrupted: file.json written"])
 
 
 def test_a_second_interrupt_ends_at_once_even_what_is_held(waiting):

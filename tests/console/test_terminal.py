@@ -26,7 +26,7 @@ _FILES = [*(ROOT / "pipeline").glob("*.py"), *(ROOT / "pipeline").glob("*/__main
 STAGES = {
     path.parent.name if path.stem == "__main__" else path.stem: path
     for path in sorted(_FILES)
-    if "\n@stage\n" in path.read_text()
+    if "\n@stage" in path.read_text()
 }
 WIDTH, LENGTH = 100, 40
 

@@ -168,7 +168,7 @@ def test_the_header_is_never_written_over(log):
     before = log.read_text()
     ended = run_stage(calibrate, *PATH, f"log={log}", NARROW, f"out={log.with_suffix('.json')}")
     assert ended.code == 2
-    assert "would replace the header" in ended.err
+    assert "would be replaced, and no stage wrote it" in ended.err
     assert log.read_text() == before
 
 

@@ -124,7 +124,7 @@ def test_bad_tables_are_refused_in_one_line(tmp_path, place, own, change, said):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[1]", "must say column"),
+        ("[1]", "must be a readable YAML file, column"),
         ("x: {parameter: gyro}", "must be one of the 27"),
         ("x: {parameter: accel_k11, factor: 0}", "factor = 0"),
         ("x: {name: accel_k11}", "no other key"),
