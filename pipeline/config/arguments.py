@@ -5,13 +5,14 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from pipeline.console import conf
 from pipeline.console.errors import ConfigError
-from pipeline.console.help import CONF, choices
+from pipeline.console.help import choices
 
 DEEPEST = 20
 """Brackets within brackets, in overrides and in configuration files."""
 
-_FLAGS = {"--cfg": 1, "-c": 1, "--config-dir": 1, "-cd": 1, "--multirun": 0, "-m": 0}
+_FLAGS = {"--cfg": 1, "-c": 1, "--multirun": 0, "-m": 0} | dict.fromkeys(conf.SWITCHES, 1)
 """Hydra's own switches that stages take, and how many words follow."""
 _SUPPORTED = "--help, --cfg job, --config-dir DIR, --multirun"
 
@@ -52,7 +53,7 @@ def _check_flag(word: str, values: Sequence[str]) -> None:
         raise ConfigError(f"{word}: must be followed by a word; as in {_SUPPORTED}")
     if word in ("--cfg", "-c") and values != ["job"]:
         raise ConfigError(f"{word} {values[0]}: must be --cfg job")
-    if word in ("--config-dir", "-cd") and not Path(values[0]).is_dir():
+    if word in conf.SWITCHES and not Path(values[0]).is_dir():
         raise ConfigError(f"{word} {values[0]}: must be a folder")
 
 
@@ -66,7 +67,7 @@ def _checked_override(word: str, multirun: bool) -> str:
         raise ConfigError(f"{key.lstrip('+~')}: not supported; a stage decides this itself")
     if equals and value.startswith("~/"):
         return f"{key}={os.path.expanduser(value)}"
-    if equals and (CONF / key).is_dir() and key.isidentifier():
+    if equals and key.isidentifier() and conf.is_group(key):
         found = value.split(",") if multirun else [value]
         allowed = sorted(choices(key))
         for choice in found:

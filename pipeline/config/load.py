@@ -4,6 +4,7 @@ A configuration that cannot be used is a `ConfigError` with one line that says w
 and why.
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from functools import cache
@@ -24,8 +25,8 @@ from pipeline.config.disturbance import IDLE, key_of
 from pipeline.config.messages import one_line
 from pipeline.config.rules import Rule, check
 from pipeline.config.schema import KIND_KEYS, Config
+from pipeline.console import conf
 from pipeline.console.errors import ConfigError
-from pipeline.console.help import CONF
 
 RUN_GROUPS = (
     *("truth", "noise", "disturbance", "schedule", "site", "simulation", "estimator", "sensor"),
@@ -104,8 +105,10 @@ def load(overrides: Sequence[str] = (), program: Program = PRODUCT) -> Any:
     GlobalHydra.instance().clear()
     program.register()
     try:
-        with hydra.initialize_config_dir(str(CONF), version_base=VERSION_BASE):
-            composed = hydra.compose(program.name, overrides=checked(overrides))
+        first, *others = map(str, conf.folders())
+        search = [f"hydra.searchpath=[{','.join(map(json.dumps, others))}]"] if others else []
+        with hydra.initialize_config_dir(first, version_base=VERSION_BASE):
+            composed = hydra.compose(program.name, overrides=[*checked(overrides), *search])
     except COMPOSE_ERRORS as error:
         raise ConfigError(program.message(error, overrides)) from error
     finally:
@@ -181,7 +184,7 @@ def usual_belief() -> Mapping[str, Any]:
 
 
 def _group(name: str, option: str) -> Any:
-    return yaml.safe_load((CONF / name / f"{option}.yaml").read_text(encoding="utf-8"))
+    return yaml.safe_load((conf.SHIPPED / name / f"{option}.yaml").read_text(encoding="utf-8"))
 
 
 def disturbances(configuration: Mapping[str, Any]) -> list[str]:

@@ -13,9 +13,10 @@ from omegaconf import DictConfig
 
 from pipeline.config import arguments, files, need
 from pipeline.config.load import COMPOSE_ERRORS, PRODUCT, VERSION_BASE, Program, typed
-from pipeline.console import interrupts, out
+from pipeline.console import conf, interrupts, out
 from pipeline.console.errors import ConfigError, DataError, FailedRunsError
-from pipeline.console.help import CONF, help_text, is_asked
+from pipeline.console.help import help_text, is_asked
+from pipeline.console.output import complain
 
 _LONGEST_WORD, _SHOWN = 200, 80
 
@@ -79,13 +80,19 @@ def stage(
             print(found)
             return
         try:
-            sys.argv[1:] = arguments.checked(sys.argv[1:])
-            files.check(CONF)
+            sys.argv[1:] = conf.take(arguments.checked(sys.argv[1:]))
+            first, *others = conf.folders()
+            for folder in (first, *others):
+                files.check(folder)
         except ConfigError as error:
             _stop(str(error))
         os.environ["HYDRA_FULL_ERROR"] = "1"  # or Hydra prints errors itself and exits with 1
         program.register()
-        hydra_program = hydra.main(str(CONF), program.name, version_base=VERSION_BASE)(job)
+        for folder in others:  # Hydra looks there after the first
+            sys.argv += ["--config-dir", str(folder)]
+        if others:
+            complain([f"configuration: {first}, then what is shipped"])
+        hydra_program = hydra.main(str(first), program.name, version_base=VERSION_BASE)(job)
         try:
             with interrupts.raised(), interrupts.telling(interrupts.line):
                 hydra_program()

@@ -12,8 +12,7 @@ import sys
 import textwrap
 from pathlib import Path
 
-CONF = Path(__file__).resolve().parents[2] / "conf"
-"""The directory of the configuration files."""
+from pipeline.console import conf
 
 _WIDTH = 100
 _REMARK = 34  # column of the remarks
@@ -32,8 +31,9 @@ def answer_early() -> None:
     """
     if "-m" in sys.orig_argv and is_asked(sys.argv[1:]):
         name = sys.orig_argv[sys.orig_argv.index("-m") + 1]
-        place = CONF.parent / name.replace(".", "/")
+        place = conf.SHIPPED.parent / name.replace(".", "/")
         path = place / "__main__.py" if place.is_dir() else place.with_suffix(".py")
+        conf.take(sys.argv[1:])
         found = help_text(path) if path.exists() else None
         if found:
             print(found)
@@ -80,8 +80,8 @@ def help_text(path: Path) -> str | None:
 
 def choices(group: str) -> list[str]:
     """Names of the choices of a group, the default first."""
-    found = sorted(file.stem for file in (CONF / group).glob("*.yaml"))
-    text = (CONF / "config.yaml").read_text(encoding="utf-8")
+    found = sorted(file.stem for file in conf.every(f"{group}/*.yaml"))
+    text = conf.find("config.yaml").read_text(encoding="utf-8")
     defaults = re.search(rf"^  - {group}: (\S+)", text, re.M)
     default = defaults[1] if defaults else ""
     return sorted(found, key=lambda name: name != default)
@@ -89,17 +89,18 @@ def choices(group: str) -> list[str]:
 
 def _entry(entry: str) -> str:
     group, _, key = entry.partition(".")
-    if (CONF / group).is_dir() and not key:
+    if conf.is_group(group) and not key:
         names = choices(group)
         if len(names) > 1:
             return _wrapped(f"  {group}=", "|".join(names), "|")
-        return _group_entry(group, (CONF / group / f"{names[0]}.yaml").read_text(encoding="utf-8"))
+        text = conf.find(f"{group}/{names[0]}.yaml").read_text(encoding="utf-8")
+        return _group_entry(group, text)
     if not key and (text := _group_text(group)):
         return _group_entry(group, text)
     if key:
-        files = [CONF / group / f"{name}.yaml" for name in choices(group)]
+        files = [conf.find(f"{group}/{name}.yaml") for name in choices(group)]
     else:
-        files, key = [CONF / "config.yaml"], group
+        files, key = [conf.find("config.yaml")], group
     for file in files:
         if key in (found := _keys(file.read_text(encoding="utf-8"))):
             value, remark = found[key]
@@ -114,7 +115,7 @@ def _group_entry(group: str, text: str) -> str:
 
 def _group_text(group: str) -> str:
     """YAML of a group that stands in a file with others, as in ``paper.yaml``; or nothing."""
-    for file in CONF.glob("*.yaml"):
+    for file in conf.every("*.yaml"):
         found = re.search(rf"^{group}:\n((?:  .*\n)+)", file.read_text(encoding="utf-8"), re.M)
         if found:
             return textwrap.dedent(found[1])

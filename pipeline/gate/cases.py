@@ -21,8 +21,8 @@ from pipeline.config.load import (
     usual_belief,
 )
 from pipeline.config.schema import Config
+from pipeline.console import conf
 from pipeline.console.errors import ConfigError
-from pipeline.console.help import CONF
 
 REFERENCE = "reference"
 """Name of the case that the command line configures."""
@@ -30,7 +30,7 @@ REFERENCE = "reference"
 RUNS = 128
 """Runs of the reference case; a multiple of the kernels' lanes."""
 
-FILE = CONF / "gate.yaml"
+FILE = conf.SHIPPED / "gate.yaml"
 """Where the other cases are."""
 
 

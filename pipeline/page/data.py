@@ -15,7 +15,7 @@ from pipeline.charts import density, style
 from pipeline.config.load import RUN_GROUPS, config_of, load, resolved
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
-from pipeline.console.help import CONF
+from pipeline.console.help import choices
 from pipeline.page.parts import say
 from pipeline.study import campaign as campaigns
 from pipeline.study import findings
@@ -125,8 +125,9 @@ def command(configuration: Mapping[str, Any], path: Path) -> str:
         wanted = configuration[group]
         if wanted == usual[group]:
             continue
-        choices = sorted(path.stem for path in (CONF / group).glob("*.yaml"))
-        same = [c for c in choices if resolved(load([f"{group}={c}"]))[group] == wanted]
+        same = [
+            c for c in sorted(choices(group)) if resolved(load([f"{group}={c}"]))[group] == wanted
+        ]
         overrides += [f"{group}={same[0]}"] if same else _overrides(usual[group], wanted, group)
     wanted = {key: configuration["campaign"][key] for key in ("runs", "seed", "precision")}
     overrides += _overrides(usual["campaign"], wanted, "campaign")

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from pipeline.console.help import CONF
+from pipeline.console import conf
 
 RUNS = Path("results/runs")
 """Folder of the campaign stores."""
@@ -19,7 +19,7 @@ RUNS = Path("results/runs")
 @cache
 def study() -> Mapping[str, Any]:
     """Content of ``conf/study.yaml``."""
-    return yaml.safe_load((CONF / "study.yaml").read_text(encoding="utf-8"))
+    return yaml.safe_load(conf.find("study.yaml").read_text(encoding="utf-8"))
 
 
 def role(name: str) -> str:

@@ -10,8 +10,8 @@ from hydra.core.global_hydra import GlobalHydra
 from inscal import parameters
 from pipeline.config.load import load, resolved
 from pipeline.config.schema import KIND_KEYS, KindValues
+from pipeline.console.conf import SHIPPED as CONF
 from pipeline.console.errors import ConfigError
-from pipeline.console.help import CONF
 
 GROUPS = sorted(path.name for path in CONF.iterdir() if path.is_dir())
 OPTIONS = [

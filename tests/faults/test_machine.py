@@ -4,6 +4,7 @@ import random
 import threading
 
 import disk
+import fuzz
 import kills
 import pytest
 import runs
@@ -97,3 +98,9 @@ def test_a_scheduler_that_does_not_answer_leaves_everything_as_it_was(tmp_path, 
     new = tmp_path / "new"
     run_stage(simulate, *SHORT, f"campaign.store={new}", "cluster=scheduler")
     assert not new.exists()
+
+
+def test_whatever_is_given_is_told_in_one_line():
+    found = fuzz.survey(120, 7)
+    assert set(found) == {"accepted", "refused"}
+    assert found["refused"] > 60

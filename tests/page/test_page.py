@@ -268,7 +268,9 @@ def test_page_of_too_few_runs_or_to_another_kind_of_file_is_refused(tmp_path, mo
         f"error: campaign store {path}: 1 of 30 runs done; a report needs two"
     ]
     kind = run_stage(report, f"campaigns=[{path}]", "out=page.md")
-    assert error_lines(kind.err) == ["error: out = 'page.md': must be an HTML file"]
+    assert error_lines(kind.err) == [
+        "error: out = 'page.md': must be a file whose name ends with .html"
+    ]
     assert sorted(tmp_path.iterdir()) == left
 
 
