@@ -31,3 +31,6 @@ Importing this package imports nothing. A calibration, twenty times::
     )
     outcome = experiment.run(shared, range(20))  # truth, estimate (20, 27); nees, failed (20,)
 """
+
+__version__ = "0.1.0"
+"""Version of the package, which the wheel takes from here."""

@@ -16,6 +16,9 @@ ROOMS = (
 )
 """Rooms of ``pipeline/`` from the lowest up: a room imports those before it and the library."""
 
+PROGRAM = "inscal.command"
+"""What the package installs as a program: the one module of the library that finds the pipeline."""
+
 WING = "paper"
 """The room that comes off: its doors and its page of claims belong to it."""
 
@@ -53,7 +56,7 @@ def room(module: str) -> str:
     """Folder a module lives in: a room, ``inscal``, or ``door``."""
     parts = module.split(".")
     if parts[0] == "inscal":
-        return "inscal"
+        return "door" if module == PROGRAM else "inscal"
     return "door" if module in doors() or len(parts) == 1 else parts[1]
 
 

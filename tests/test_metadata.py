@@ -6,8 +6,11 @@ from pathlib import Path
 
 import yaml
 
+import inscal
+
 REPOSITORY = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+VERSION = inscal.__version__
 
 
 def test_citation_has_what_its_format_requires_and_the_packages_version():
@@ -15,7 +18,7 @@ def test_citation_has_what_its_format_requires_and_the_packages_version():
     assert {"cff-version", "message", "title", "authors"} <= set(citation)
     assert citation["cff-version"] == "1.2.0"
     assert citation["type"] == "software"
-    assert citation["version"] == PROJECT["version"]
+    assert citation["version"] == VERSION
     assert citation["license"] == PROJECT["license"]
     assert citation["authors"] == [{"name": "The inscal developers"}]
 
@@ -24,7 +27,7 @@ def test_changelog_names_the_packages_version():
     text = (REPOSITORY / "CHANGELOG.md").read_text()
     assert text.startswith("# Changelog\n")
     assert re.search(r"^## \[Unreleased\]$", text, re.MULTILINE)
-    assert PROJECT["version"] in text
+    assert VERSION in text
 
 
 def test_files_that_contributors_are_sent_to_exist():

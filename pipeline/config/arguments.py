@@ -3,7 +3,6 @@
 import os
 import re
 from collections.abc import Sequence
-from pathlib import Path
 
 from pipeline.console import conf
 from pipeline.console.errors import ConfigError
@@ -53,8 +52,6 @@ def _check_flag(word: str, values: Sequence[str]) -> None:
         raise ConfigError(f"{word}: must be followed by a word; as in {_SUPPORTED}")
     if word in ("--cfg", "-c") and values != ["job"]:
         raise ConfigError(f"{word} {values[0]}: must be --cfg job")
-    if word in conf.SWITCHES and not Path(values[0]).is_dir():
-        raise ConfigError(f"{word} {values[0]}: must be a folder")
 
 
 def _checked_override(word: str, multirun: bool) -> str:

@@ -6,6 +6,7 @@ machine, and good to a factor of two or three elsewhere.
 
 import os
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from inscal.parameters import AUGMENTATIONS
@@ -22,6 +23,7 @@ _RUN_S = 2.8e-8  # of a step or update of a run and pass
 _UPDATE_S = 4.6e-5  # of the gains at an update
 _NOTED_SHARE = 0.5
 _NOTED_S = 3600.0
+_LONG_S = 1e5
 
 
 @dataclass(frozen=True)
@@ -128,11 +130,20 @@ def _largest(config: Config, need: Need) -> str:
     """Key that is to blame."""
     if need.runs > need.experiment + need.worker:
         return f"campaign.runs = {config.campaign.runs}"
+    longest = max(
+        ("position_duration_s", "last_position_duration_s"), key=partial(_seconds, config)
+    )
+    if _seconds(config, longest) > _LONG_S:
+        return f"schedule.{longest} = {_seconds(config, longest):g}"
     if need.steps < 2.0 * need.updates:
         return f"estimator.update_interval_s = {config.estimator.update_interval_s:g}"
     sampling = config.simulation
     key = "turn" if sampling.turn_step_s < sampling.dwell_step_s else "dwell"
     return f"simulation.{key}_step_s = {getattr(sampling, f'{key}_step_s'):g}"
+
+
+def _seconds(config: Config, key: str) -> float:
+    return getattr(config.schedule, key) or 0.0
 
 
 def fit(config: Config) -> list[str]:

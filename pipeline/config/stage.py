@@ -19,6 +19,11 @@ from pipeline.console.help import help_text, is_asked
 from pipeline.console.output import complain
 
 _LONGEST_WORD, _SHOWN = 200, 80
+_HYDRA = (
+    # it writes nothing beside the stages' own files, and its multirun.yaml where git does not look
+    *("hydra.run.dir=.", "hydra.output_subdir=null", "hydra.sweep.dir=results/runs"),
+    *("hydra.sweep.subdir=.", "hydra/job_logging=none", "hydra/hydra_logging=none"),
+)
 
 
 def stage(
@@ -80,7 +85,7 @@ def stage(
             print(found)
             return
         try:
-            sys.argv[1:] = conf.take(arguments.checked(sys.argv[1:]))
+            sys.argv[1:] = arguments.checked(conf.take(sys.argv[1:]))
             first, *others = conf.folders()
             for folder in (first, *others):
                 files.check(folder)
@@ -88,14 +93,16 @@ def stage(
             _stop(str(error))
         os.environ["HYDRA_FULL_ERROR"] = "1"  # or Hydra prints errors itself and exits with 1
         program.register()
-        for folder in others:  # Hydra looks there after the first
-            sys.argv += ["--config-dir", str(folder)]
+        sys.argv += [*_HYDRA, *(f"--config-dir={folder}" for folder in others)]
         if others:
             complain([f"configuration: {first}, then what is shipped"])
         hydra_program = hydra.main(str(first), program.name, version_base=VERSION_BASE)(job)
         try:
             with interrupts.raised(), interrupts.telling(interrupts.line):
                 hydra_program()
+                sys.stdout.flush()
+        except BrokenPipeError:
+            _end_with_reader()
         except COMPOSE_ERRORS as error:
             if error in defects:
                 raise

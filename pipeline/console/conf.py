@@ -8,6 +8,8 @@ has the same name.
 from collections.abc import Sequence
 from pathlib import Path
 
+from pipeline.console.errors import ConfigError
+
 SHIPPED = Path(__file__).resolve().parents[2] / "conf"
 """The folder of the configuration that comes with the pipeline."""
 
@@ -26,12 +28,20 @@ def folders() -> list[Path]:
 
 
 def take(arguments: Sequence[str]) -> list[str]:
-    """Take the folder that a command line asks for, if it does, and return the other arguments."""
+    """Take the folder that a command line asks for, if it does, and return the other arguments.
+
+    Raises
+    ------
+    ConfigError
+        If it is none.
+    """
     global _asked
     _asked, rest = None, list(arguments)
     for place, word in enumerate(rest[:-1]):
         if word in SWITCHES:
             _asked = Path(rest[place + 1])
+            if not _asked.is_dir():
+                raise ConfigError(f"{word} {_asked}: must be a folder")
             return [*rest[:place], *rest[place + 2 :]]
     return rest
 

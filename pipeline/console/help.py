@@ -8,6 +8,7 @@ and ``Reads:`` with groups (``noise``) and keys (``campaign.runs``, ``out``).
 
 import ast
 import re
+import signal
 import sys
 import textwrap
 from pathlib import Path
@@ -36,6 +37,7 @@ def answer_early() -> None:
         conf.take(sys.argv[1:])
         found = help_text(path) if path.exists() else None
         if found:
+            signal.signal(signal.SIGPIPE, signal.SIG_DFL)  # as for `... --help | head`
             print(found)
             raise SystemExit(0)
 

@@ -33,11 +33,18 @@ def new_table(left: tuple[str, ...], right: tuple[str, ...], gap: int = 2) -> Ta
     return table
 
 
+class _Console(Console):
+    """Leaves a reader who has read enough to the stage's runner."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
 def show(title: str, table: Table) -> None:
     """Print a title and a table on standard output."""
     needed = Console(width=10 * WIDTH).measure(table).maximum
     print(title)
-    Console(width=max(WIDTH, needed)).print(table)  # rather too wide than with numbers cut off
+    _Console(width=max(WIDTH, needed)).print(table)  # rather too wide than with numbers cut off
 
 
 def show_rows(
