@@ -2,7 +2,8 @@
 
 Usage: ``python -m pipeline.predict [schedule=...] [noise=...] [out=FILE]``
 
-What the path does not tell apart is named, with what would; of any state model (`estimator`).
+What the path does not tell apart is named, with what would; of any state model (`estimator`). The
+share of runs that keep all bounds is predicted, and what noise or time would be enough.
 
 For example::
 
@@ -21,8 +22,9 @@ from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 from pipeline.config.stage import stage
 from pipeline.console.output import complain, write_json
-from pipeline.console.terminal import new_table, show, show_augmented, show_rows
+from pipeline.console.terminal import new_table, say, show, show_augmented, show_rows
 from pipeline.study import unseen
+from pipeline.study.predicted import line, predicted
 
 
 @stage(writes=(".json",))
@@ -41,10 +43,22 @@ def main(config: Config) -> None:
         texts = [f"{sigma:.4g}" for sigma in own]
         rows = zip(setup.augmented_names, setup.augmented_units, texts, strict=True)
         show_augmented(("predicted_std",), rows)
-    if found := unseen.rows(setup):
-        show_rows(unseen.TITLE, unseen.HEADINGS[:1], unseen.HEADINGS[1:], found)
+    if hidden := unseen.rows(setup):
+        show_rows(unseen.TITLE, unseen.HEADINGS[:1], unseen.HEADINGS[1:], hidden)
+    found = predicted(setup)
+    say(line(found))
     if config.out:
-        content = {"parameter": NAMES, "unit": UNITS, "predicted_std": std.tolist()}
+        content = {
+            "parameter": NAMES,
+            "unit": UNITS,
+            "predicted_std": std.tolist(),
+            "bound": setup.bound.tolist(),
+            "joint_share": found.share,
+            "joint_share_asked": found.asked,
+            "worst": found.worst,
+            "noise_factor": found.noise_factor,
+            "time_factor": found.time_factor,
+        }
         write_json(config.out, content, indent=2)
 
 

@@ -10,7 +10,6 @@ For example::
 Reads: schedule noise campaign.store campaign.max_failed_share bounds out.
 """
 
-import textwrap
 from pathlib import Path
 
 import xarray as xr
@@ -21,10 +20,11 @@ from pipeline.config.schema import Config
 from pipeline.config.stage import stage
 from pipeline.console.errors import ConfigError
 from pipeline.console.output import json_data, write_text
-from pipeline.console.terminal import new_table, show, show_augmented
+from pipeline.console.terminal import new_table, say, show, show_augmented
 from pipeline.study import findings
 from pipeline.study.findings import SUMMARY_FOLDER
-from pipeline.study.honesty import told
+from pipeline.study.headline import headline
+from pipeline.study.honesty import honesty, told
 from pipeline.words.markdown import number
 
 
@@ -50,16 +50,15 @@ def print_summary(summary: xr.Dataset) -> None:
         )
     done, failed = int(summary.runs_done), int(summary.runs_failed)
     show(f"{summary.attrs['campaign']}, {done + failed} runs", table)
-    lines = f"filter's own sigma: {told(json_data(as_json(summary)))}".splitlines()
-    sigma = "\n".join(textwrap.fill(line, 100) for line in lines)
+    data = json_data(as_json(summary))
+    say(headline(data))
     print(
-        f"all within bounds at once: {100 * float(summary.joint_share):.1f} % "
-        f"({100 * float(summary.joint_share_lower):.1f} - "
-        f"{100 * float(summary.joint_share_upper):.1f} %) of {done + failed} runs\n"
-        f"failed: {failed} runs ({100 * failed / (done + failed):.1f} %), which miss every bound\n"
         f"of the {done} runs that converged: NEES mean {number(float(summary.nees_mean))}, "
-        f"consistent if in {float(summary.nees_lower):.2f} ... {float(summary.nees_upper):.2f}\n"
-        f"{sigma}\n"
+        f"consistent if in {float(summary.nees_lower):.2f} ... {float(summary.nees_upper):.2f}"
+    )
+    for part in told(data).splitlines():
+        say(f"filter's own sigma: {part}" if part.startswith(honesty(data)) else part)
+    print(
         f"every RMSE known to {100 * float(summary.precision):.1f} % or better, that of "
         f"{summary.least_precise.item()} worst"
     )

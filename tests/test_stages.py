@@ -78,7 +78,10 @@ def test_predict_writes_its_contract_and_nothing_else(cwd):
     assert (ended.code, ended.err) == (0, "")
     assert left_in(cwd) == ["deep/predicted.json"]
     predicted = json.loads((cwd / "deep/predicted.json").read_text())
-    assert list(predicted) == ["parameter", "unit", "predicted_std"]
+    assert list(predicted) == [
+        *("parameter", "unit", "predicted_std", "bound"),
+        *("joint_share", "joint_share_asked", "worst", "noise_factor", "time_factor"),
+    ]
     assert predicted["parameter"] == list(NAMES)
     assert predicted["unit"] == list(UNITS)
     std = np.array(predicted["predicted_std"])
@@ -155,7 +158,7 @@ def test_summarize_writes_csv_and_json_and_nothing_else(cwd, campaigns):
     assert set(content) == {
         *("confidence", "campaign", "seed", "passes", "truth", "schedule", "noise"),
         *("quadratic_unit", "failed_runs", "runs_done", "runs_failed", "precision"),
-        *("sha256", "store"),
+        *("sha256", "store", "joint_share_asked", "each_share_asked"),
         "least_precise",
         *("passes_taken", "failures", "runs_contradicted"),
         *("joint_share", "joint_share_lower", "joint_share_upper"),
@@ -224,7 +227,9 @@ def test_summarize_counts_failed_runs(campaigns):
     assert content["failures"].keys() == {str(run) for run in failed}
     assert sum(content["passes_taken"].values()) == 30 - len(failed)
     share = f"{100 * len(failed) / 30:.1f} %"
-    assert f"failed: {len(failed)} runs ({share}), which miss every bound" in ended.out
+    assert f"{len(failed)} runs ({share}) did not converge and miss every bound" in " ".join(
+        ended.out.split()
+    )
     assert f"of the {30 - len(failed)} runs that converged: NEES mean" in ended.out
 
 

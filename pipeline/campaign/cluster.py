@@ -12,7 +12,7 @@ from dask.utils import parse_timedelta
 from distributed import Client, LocalCluster, Security
 from distributed.core import rpc
 
-from pipeline.campaign.worker import say_nothing_of_cancelled_batches
+from pipeline.campaign.worker import say_nothing
 from pipeline.config.schema import Cluster
 from pipeline.console import interrupts
 from pipeline.console.errors import DataError
@@ -94,7 +94,7 @@ def client(cluster: Cluster) -> Iterator[Client]:
                 with interrupts.held():
                     connected = stack.enter_context(Client(stack.enter_context(_started(cluster))))
             if cluster.kind == "processes":
-                connected.run(say_nothing_of_cancelled_batches, on_error="ignore")
+                connected.run(say_nothing, on_error="ignore")
             if cluster.kind == "slurm":
                 where = (
                     "" if cluster.address else " on this machine, no cluster.address being given"

@@ -53,6 +53,8 @@ def summary(config: Config, path: str | Path, campaign: xr.Dataset) -> xr.Datase
     return found.assign_attrs(
         campaign=Path(path).name,
         store=_shown(path),
+        joint_share_asked=config.bounds.joint_share,
+        each_share_asked=config.bounds.each_share,
         seed=campaign.attrs["seed"],
         passes=configuration["estimator"]["passes"],
         truth=configuration["truth"]["distribution"],

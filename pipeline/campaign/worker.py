@@ -32,9 +32,13 @@ def share(experiment: Experiment) -> Experiment:
     return experiment
 
 
-def say_nothing_of_cancelled_batches() -> None:
-    """Keep a worker process from warning of the batches that an interrupted campaign gives up."""
-    logging.getLogger("distributed.worker.state_machine").setLevel(logging.ERROR)
+def say_nothing() -> None:
+    """Keep a worker process quiet of batches that are given up, and of a driver that has ended.
+
+    What becomes of batches and workers is said by the driver.
+    """
+    for name in ("distributed.worker", "distributed.worker.state_machine", "distributed.core"):
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
 
 
 @dataclass(frozen=True)

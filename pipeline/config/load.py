@@ -23,7 +23,8 @@ from inscal.parameters import AUGMENTATIONS
 from pipeline.config.arguments import checked
 from pipeline.config.disturbance import IDLE, key_of
 from pipeline.config.messages import one_line
-from pipeline.config.rules import Rule, check
+from pipeline.config.rule import Rule
+from pipeline.config.rules import check
 from pipeline.config.schema import KIND_KEYS, Config
 from pipeline.console import conf
 from pipeline.console.errors import ConfigError

@@ -1,35 +1,46 @@
-"""What the values of a configuration may be: rules that types alone cannot give.
+"""What the values of a configuration may be: rules that types alone cannot give."""
 
-Whatever is refused, the line names the key, its value and what is allowed.
-"""
-
-import math
-import re
-import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict
 from operator import attrgetter
-from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NoReturn
 
 from inscal.directions import DIRECTIONS
 from inscal.parameters import AUGMENTATIONS, GROUPS, NAMES, members
 from inscal.profile import profile_of
 from pipeline.config.disturbance import BELIEVED, NEEDED, key_of
 from pipeline.config.disturbance import KEYS as DISTURBANCES
+from pipeline.config.rule import (
+    COUNT,
+    FILE,
+    FINITE,
+    FROM_0,
+    INDEX,
+    LARGEST_PASSES,
+    NAME,
+    PASSES,
+    POSITIVE,
+    REASON,
+    SHARE,
+    STORE,
+    STORES,
+    TRIPLE_OF_POSITIVE,
+    Rule,
+    apply,
+    check_sizes,
+    is_address,
+    is_count,
+    is_number,
+    is_range,
+    matching,
+    one_of,
+    refuse,
+)
 from pipeline.config.schema import KIND_KEYS, Config
-from pipeline.console.errors import ConfigError
-
-Rule = tuple[Callable[[Any], bool], str]
 
 _MAX_ANGLE_STEP_DEG = 14.0  # inside inscal.rotation.MAX_STEP_ANGLE, where its series are exact
-_MOST_PASSES = 100
 _LONGEST_S = 1e6  # of what is waited for
-_LEAST, _MOST = 1e-30, 1e30  # sizes of numbers
 _MOST_RUNS = 10_000_000
-_LONGEST_NAME, _LONGEST_PATH, _SHOWN = 100, 4000, 160
-_RATIO_TOLERANCE = 1e-9  # rounding of decimal seconds, as in 20.7 / 0.1
 
 _CLUSTER_KEYS: dict[str, tuple[str, ...]] = {
     "threads": ("workers",),
@@ -57,13 +68,13 @@ def check(config: Config, further: Mapping[str, Rule] = MappingProxyType({})) ->
     ConfigError
         At the first value that is not allowed.
     """
-    _check_sizes("", asdict(config))
+    check_sizes("", asdict(config))
     for key, rule in {**_RULES, **further}.items():
-        _apply(key, attrgetter(key)(config), rule)
+        apply(key, attrgetter(key)(config), rule)
     for key, rule in _OPTIONAL_RULES.items():
         value = attrgetter(key)(config)
         if value is not None:
-            _apply(key, value, rule)
+            apply(key, value, rule)
     _check_kinds("truth", config.truth, FINITE if config.truth.distribution == "fixed" else FROM_0)
     _check_kinds("estimator.initial_std", config.estimator.initial_std, POSITIVE)
     _check_kinds("bounds", config.bounds, POSITIVE)
@@ -73,113 +84,9 @@ def check(config: Config, further: Mapping[str, Rule] = MappingProxyType({})) ->
     _check_states(config)
     _check_cluster(config)
     if config.only_run is not None and config.only_run >= config.campaign.runs:
-        _fail(
+        refuse(
             "only_run", config.only_run, f"less than campaign.runs, which is {config.campaign.runs}"
         )
-
-
-def _fail(key: str, value: object, allowed: str) -> NoReturn:
-    shown = "null" if value is None else repr(value)
-    shown = shown if len(shown) <= _SHOWN else f"{shown[:_SHOWN]}..."
-    raise ConfigError(f"{key} = {shown}: must be {allowed}")
-
-
-def _apply(key: str, value: object, rule: Rule) -> None:
-    accepts, allowed = rule
-    try:
-        accepted = accepts(value)
-    except (TypeError, ValueError, AttributeError, OverflowError):  # of a list in a list
-        accepted = False
-    if not accepted:
-        _fail(key, value, allowed)
-
-
-def _check_sizes(key: str, value: object) -> None:
-    """Refuse numbers whose squares or inverses are none that double precision holds."""
-    if isinstance(value, Mapping):
-        for name, part in value.items():
-            _check_sizes(f"{key}.{name}" if key else name, part)
-    elif isinstance(value, list):
-        for place, part in enumerate(value):
-            _check_sizes(f"{key}[{place}]", part)
-    elif isinstance(value, float) and math.isfinite(value) and value:
-        size = abs(value)
-        if size < _LEAST or size > _MOST:
-            _fail(key, value, f"0, or of a size from {_LEAST:g} to {_MOST:g}")
-
-
-def _is_number(value: object) -> bool:
-    # The comparison is false for NaN, infinities and integers too large for a float.
-    is_real = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_real and abs(value) <= sys.float_info.max  # type: ignore[arg-type]
-
-
-def _is_count(value: float) -> bool:
-    whole = _is_number(value) and round(value)
-    return whole >= 1 and math.isclose(value, whole, rel_tol=_RATIO_TOLERANCE)
-
-
-def _is_triple_of_positive(value: object) -> bool:
-    return isinstance(value, list) and len(value) == 3 and all(POSITIVE[0](v) for v in value)
-
-
-def _is_path(value: str) -> bool:
-    local = re.match(r"[A-Za-z][A-Za-z0-9+.-]+://?", value) is None
-    return (
-        value.isprintable()
-        and value == value.strip() != ""
-        and local
-        and len(value) <= _LONGEST_PATH
-    )
-
-
-def _is_address(value: str) -> bool:
-    match = re.fullmatch(r"(?:tcp|tls)://(?:[\w.-]+|\[[0-9A-Fa-f:.]+\]):(\d{1,5})", value)
-    return match is not None and 1 <= int(match[1]) <= 65535
-
-
-def one_of(*names: str) -> Rule:
-    """Rule that takes one of some words."""
-    return (lambda value: value in names), f"one of {', '.join(names)}"
-
-
-def _is_range(value: str) -> bool:
-    match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", value)
-    return match is not None and int(match[1]) < int(match[2])
-
-
-def _matching(pattern: str, allowed: str) -> Rule:
-    return (lambda value: re.fullmatch(pattern, value) is not None), allowed
-
-
-FINITE: Rule = (_is_number, "a finite number")
-FROM_0: Rule = (lambda v: _is_number(v) and v >= 0, "a finite number >= 0")
-POSITIVE: Rule = (lambda v: _is_number(v) and v > 0, "a finite number > 0")
-PASSES: Rule = (lambda v: 1 <= v <= 10, "an integer from 1 to 10")
-MOST_PASSES: Rule = (lambda v: 1 <= v <= _MOST_PASSES, f"an integer from 1 to {_MOST_PASSES}")
-COUNT: Rule = (lambda v: v >= 1, "an integer >= 1")
-INDEX: Rule = (lambda v: 0 <= v < 2**63, "an integer >= 0, below 2^63")
-STORE: Rule = (
-    lambda v: _is_path(v),
-    "a path, not empty, of this machine, without control characters or blanks at its ends",
-)
-STORES: Rule = (
-    lambda v: len(set(v)) == len(v) > 0 and all(map(STORE[0], v)),
-    "a list of one or more paths, each once",
-)
-FILE: Rule = (lambda v: _is_path(v) and not Path(v).is_dir(), "the path of a file")
-REASON: Rule = (lambda v: v.strip() != "", "the reason in words, not empty")
-NAME: Rule = _matching(
-    rf"[A-Za-z0-9][A-Za-z0-9._-]{{0,{_LONGEST_NAME - 1}}}",
-    f"letters, digits, '.', '_' and '-', first a letter or digit, {_LONGEST_NAME} at most",
-)
-TRIPLE_OF_POSITIVE: Rule = (_is_triple_of_positive, "a list of 3 finite numbers > 0")
-
-
-def several(rule: Rule) -> Rule:
-    """Rule that takes a list whose every member another rule takes."""
-    accepts, allowed = rule
-    return (lambda v: len(v) > 0 and all(map(accepts, v))), f"a list, each of it {allowed}"
 
 
 _RULES: dict[str, Rule] = {
@@ -201,7 +108,7 @@ _RULES: dict[str, Rule] = {
     "simulation.turn_step_s": POSITIVE,
     "estimator.passes": PASSES,
     "estimator.convergence_sigma": POSITIVE,
-    "estimator.innovation_limit": (lambda v: _is_number(v) and v > 1.0, "a finite number > 1"),
+    "estimator.innovation_limit": (lambda v: is_number(v) and v > 1.0, "a finite number > 1"),
     "estimator.update_interval_s": POSITIVE,
     "estimator.initial_std.attitude_deg": TRIPLE_OF_POSITIVE,
     "estimator.initial_std.velocity_m_per_s": POSITIVE,
@@ -210,6 +117,8 @@ _RULES: dict[str, Rule] = {
         f"estimator.believed.{key}": POSITIVE if key.endswith("_factor") else FROM_0
         for key in BELIEVED
     },
+    "bounds.joint_share": SHARE,
+    "bounds.each_share": SHARE,
     "sensor.quadratic_unit": one_of("pulse", "si"),
     "sensor.accel_pulses_per_m_per_s": POSITIVE,
     "campaign.runs": (lambda v: 1 <= v <= _MOST_RUNS, f"an integer >= 1, up to {_MOST_RUNS}"),
@@ -226,7 +135,7 @@ _RULES: dict[str, Rule] = {
     "design.folder": STORE,
     "design.objective": one_of("joint_share", "worst", "d_optimal", "shortest"),
     "design.total_time_s": POSITIVE,
-    "design.joint_share": (lambda v: 0.0 < v < 1.0, "a number between 0 and 1"),
+    "design.joint_share": SHARE,
     "design.positions": (lambda v: 2 <= v <= 200, "an integer from 2 to 200"),
     "design.angles_deg": (
         lambda v: len(set(v)) == len(v) > 0 and all(a % 45 == 0 and 0 < abs(a) <= 360 for a in v),
@@ -263,16 +172,16 @@ _OPTIONAL_RULES: dict[str, Rule] = {
     "design.cable_limit_deg": POSITIVE,
     "design.start_from": NAME,
     "runs": (
-        _is_range,
+        is_range,
         "two integers such as 0:128, the first one less",
     ),
-    "cluster.address": (_is_address, "an address such as tcp://127.0.0.1:8786"),
+    "cluster.address": (is_address, "an address such as tcp://127.0.0.1:8786"),
     "cluster.queue": NAME,
     "cluster.cores": COUNT,
-    "cluster.memory": _matching(r"[1-9]\d*(\.\d+)? ?[kMGT]i?B", "an amount such as 8GB"),
-    "cluster.walltime": _matching(r"(\d+-)?\d{1,2}:\d\d:\d\d", "a time such as 02:00:00"),
+    "cluster.memory": matching(r"[1-9]\d*(\.\d+)? ?[kMGT]i?B", "an amount such as 8GB"),
+    "cluster.walltime": matching(r"(\d+-)?\d{1,2}:\d\d:\d\d", "a time such as 02:00:00"),
     "cluster.account": NAME,
-    "campaign.precision": (lambda v: 0.0 < v < 1.0, "a number between 0 and 1"),
+    "campaign.precision": SHARE,
     "only_run": INDEX,
     "out": FILE,
     "name": NAME,
@@ -283,7 +192,7 @@ _OPTIONAL_RULES: dict[str, Rule] = {
     "b": STORE,
     "campaigns": STORES,
     "growth": (
-        lambda v: v == "bounds" or (_is_number(v) and v > 1),
+        lambda v: v == "bounds" or (is_number(v) and v > 1),
         "null, bounds, or a finite number > 1",
     ),
     "parameter": one_of(*NAMES),
@@ -299,7 +208,7 @@ def _check_kinds(prefix: str, group: object, rule: Rule) -> None:
         numbers = value if isinstance(value, list) else [value]
         right_length = not isinstance(value, list) or len(value) == count
         if not (right_length and all(accepts(number) for number in numbers)):
-            _fail(f"{prefix}.{key}", value, f"{allowed}, or a list of {count} such numbers")
+            refuse(f"{prefix}.{key}", value, f"{allowed}, or a list of {count} such numbers")
 
 
 def _check_schedule(config: Config) -> None:
@@ -308,13 +217,15 @@ def _check_schedule(config: Config) -> None:
     if config.design.last_posture is not None:
         _check_posture("design.last_posture", config.design.last_posture)
     if not schedule.rotations:
-        _fail("schedule.rotations", [], "at least one [angle_deg, axis]; this is an empty schedule")
+        refuse(
+            "schedule.rotations", [], "at least one [angle_deg, axis]; this is an empty schedule"
+        )
     for number, rotation in enumerate(schedule.rotations):
         _check_rotation(f"schedule.rotations[{number}]", rotation, config)
     rates = [rotation[3] or 0.0 for rotation in schedule.rotations if len(rotation) > 3]
     fastest = max(schedule.turn_rate_deg_per_s, *rates, 0.0)
     if fastest * config.simulation.turn_step_s > _MAX_ANGLE_STEP_DEG:
-        _fail(
+        refuse(
             "simulation.turn_step_s",
             config.simulation.turn_step_s,
             f"at most {_MAX_ANGLE_STEP_DEG / fastest:g}, which is "
@@ -327,29 +238,31 @@ def _check_schedule(config: Config) -> None:
 def check_duration(key: str, value: float | None, config: Config) -> None:
     """Refuse a time that is no multiple of the filter's updates; ConfigError names its key."""
     interval = config.estimator.update_interval_s
-    if value is not None and not _is_count(value / interval):
-        _fail(key, value, f"a multiple of estimator.update_interval_s, which is {interval!r}")
+    if value is not None and not is_count(value / interval):
+        refuse(key, value, f"a multiple of estimator.update_interval_s, which is {interval!r}")
 
 
 def _check_posture(key: str, posture: list[str]) -> None:
     allowed = f"3 of {', '.join(DIRECTIONS)}"
     if len(posture) != 3 or any(name not in list(DIRECTIONS) for name in posture):
-        _fail(key, posture, allowed)
+        refuse(key, posture, allowed)
     (x1, x2, x3), (y1, y2, y3), z = (DIRECTIONS[name] for name in posture)
     if (x2 * y3 - x3 * y2, x3 * y1 - x1 * y3, x1 * y2 - x2 * y1) != z:
-        _fail(key, posture, f"{allowed}, at right angles and right-handed (North, East, Down is)")
+        refuse(key, posture, f"{allowed}, at right angles and right-handed (North, East, Down is)")
 
 
 def _check_rotation(key: str, rotation: object, config: Config) -> None:
     if not isinstance(rotation, list) or not 2 <= len(rotation) <= 4:
-        _fail(key, rotation, "[angle_deg, axis], such as [90, Y], then seconds and deg/s, if any")
+        refuse(key, rotation, "[angle_deg, axis], such as [90, Y], then seconds and deg/s, if any")
     angle, axis, *rest = rotation
-    if not _is_number(angle) or not 0.0 < abs(angle) <= 360.0:
-        _fail(key, rotation, "[angle_deg, axis] with an angle up to 360 either way, and not 0")
+    if not is_number(angle) or not 0.0 < abs(angle) <= 360.0:
+        refuse(key, rotation, "[angle_deg, axis] with an angle up to 360 either way, and not 0")
     if axis not in ("X", "Y", "Z"):
-        _fail(key, rotation, "[angle_deg, axis] with X, Y or Z for its axis")
+        refuse(key, rotation, "[angle_deg, axis] with X, Y or Z for its axis")
     if not all(value is None or POSITIVE[0](value) for value in rest):
-        _fail(key, rotation, "[angle_deg, axis, seconds, deg/s] that ends with null or numbers > 0")
+        refuse(
+            key, rotation, "[angle_deg, axis, seconds, deg/s] that ends with null or numbers > 0"
+        )
     about = config.schedule
     seconds, rate, *_ = [*rest, None, None]
     position = about.position_duration_s if seconds is None else seconds
@@ -359,14 +272,16 @@ def _check_rotation(key: str, rotation: object, config: Config) -> None:
     ).duration
     if duration >= position:
         whose = "schedule.position_duration_s" if seconds is None else "its position"
-        _fail(key, rotation, f"a turn shorter than {whose}, {position:g}; it takes {duration:g} s")
+        refuse(key, rotation, f"a turn shorter than {whose}, {position:g}; it takes {duration:g} s")
 
 
 def _check_passes(config: Config) -> None:
     fewest, most = config.estimator.passes, config.estimator.max_passes
-    if most is not None and not fewest <= most <= _MOST_PASSES:
-        allowed = f"null, or an integer from estimator.passes, which is {fewest}, to {_MOST_PASSES}"
-        _fail("estimator.max_passes", most, allowed)
+    if most is not None and not fewest <= most <= LARGEST_PASSES:
+        allowed = (
+            f"null, or an integer from estimator.passes, which is {fewest}, to {LARGEST_PASSES}"
+        )
+        refuse("estimator.max_passes", most, allowed)
 
 
 def _check_disturbance(config: Config) -> None:
@@ -375,7 +290,7 @@ def _check_disturbance(config: Config) -> None:
         value, needs = getattr(about, key), getattr(about, size)
         if needs > 0.0 and value == 0.0:
             allowed = f"above zero where disturbance.{size} is, which is {needs:g}"
-            _fail(f"disturbance.{key}", value, allowed)
+            refuse(f"disturbance.{key}", value, allowed)
 
 
 def _check_states(config: Config) -> None:
@@ -383,12 +298,12 @@ def _check_states(config: Config) -> None:
     known = all(name in allowed for name in states)
     if not known or not set(states) & set(GROUPS) or len(set(states)) < len(states):
         words = f"one or more of {', '.join(GROUPS)}, and any of {', '.join(AUGMENTATIONS)}"
-        _fail("estimator.states", states, f"{words}, each once")
+        refuse("estimator.states", states, f"{words}, each once")
     for name, about in AUGMENTATIONS.items():
         for key in (key_of(about.source), *([f"{about.source}_time_s"] if about.wanders else [])):
             value = getattr(config.estimator.believed, key)
             if name in states and value == 0.0:
-                _fail(f"estimator.believed.{key}", value, "> 0 where estimator.states has " + name)
+                refuse(f"estimator.believed.{key}", value, "> 0 where estimator.states has " + name)
 
 
 def _check_cluster(config: Config) -> None:
@@ -397,6 +312,6 @@ def _check_cluster(config: Config) -> None:
     taken = ("kind", *needed, *_CLUSTER_EXTRAS.get(cluster.kind, ()))
     for key, value in vars(cluster).items():
         if value is None and key in needed:
-            _fail(f"cluster.{key}", value, f"given with cluster.kind {cluster.kind}")
+            refuse(f"cluster.{key}", value, f"given with cluster.kind {cluster.kind}")
         if value is not None and key not in taken:
-            _fail(f"cluster.{key}", value, f"null with cluster.kind {cluster.kind}")
+            refuse(f"cluster.{key}", value, f"null with cluster.kind {cluster.kind}")

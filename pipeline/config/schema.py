@@ -253,7 +253,16 @@ class Cluster:
 
 @dataclass
 class Bounds(KindValues):
-    """Accuracy bounds the errors are judged by."""
+    """Accuracy bounds the errors are judged by.
+
+    Attributes
+    ----------
+    joint_share, each_share : float
+        Shares of runs that are to keep all bounds at once, and any one of them.
+    """
+
+    joint_share: float = MISSING
+    each_share: float = MISSING
 
 
 @dataclass

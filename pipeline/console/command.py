@@ -33,6 +33,7 @@ WORK: dict[str, tuple[str, ...]] = {
 _STAGES = Path(__file__).resolve().parents[1]
 _INIT = Path(__file__).with_name("templates") / "init"
 _OWN = ("gate.yaml", "study.yaml", "paper.yaml", "paper_study.yaml")  # this project's, not a user's
+_FILES = {"dvc.yaml": "study.yaml", "README.md": "README.md", ".gitignore": "gitignore.txt"}
 _OWN_PATH = "# A path of your own: the inherited one of 25 positions, to change.\n"
 _FURTHER = {
     "init [FOLDER]": "copy the configuration, a study and its dvc.yaml to start from",
@@ -115,7 +116,8 @@ def _init(folder: Path) -> None:
         _refuse(f"{folder}: has {' and '.join(taken) or 'no room, being a file'} already")
     try:
         shutil.copytree(conf.SHIPPED, folder / "conf", ignore=shutil.ignore_patterns(*_OWN))
-        shutil.copytree(_INIT, folder, dirs_exist_ok=True)
+        for name, file in _FILES.items():
+            shutil.copy(_INIT / file, folder / name)
         usual = folder / "conf" / "schedule" / "position25.yaml"
         own = re.sub(r"^#.*\n", _OWN_PATH, usual.read_text(encoding="utf-8"), count=1)
         own = re.sub(r"^name: .*$", "name: mine", own, count=1, flags=re.M)

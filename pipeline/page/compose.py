@@ -32,6 +32,8 @@ from pipeline.page.parts import TEMPLATES, Section, say
 from pipeline.study import assumptions, claims, findings, names
 from pipeline.study.campaign import Campaign, comparison
 from pipeline.study.claims import Claims
+from pipeline.study.findings import Contest, Summary
+from pipeline.study.headline import headline
 
 _STUDY_TITLE = "19 positions against 25"
 
@@ -95,6 +97,8 @@ def study(config: Config) -> Page:
         if wing
         else Section("paper", left_out=say("no_wing", path=claims.PATH)),
         wing=wing,
+        when=False,
+        better=findings.contest(findings.read_comparison(names.BETTER)),
         assumed=page_study.assumptions_section(assumptions.read()),
     )
 
@@ -119,14 +123,17 @@ def campaigns(config: Config, paths: Sequence[str]) -> Page:
         If a store is missing or has fewer than two runs done.
     """
     every = page_data.read_campaigns(config, paths)
+    compared, reasons = _against_first(every)
     return _page(
         " · ".join(campaign.name for campaign in every),
         every,
         side_by_side=every,
-        schedules=_against_first(every),
+        schedules=page_campaign.contest_section(compared, left_out=" ".join(reasons)),
         noise=page_study.noise(every if _differ_in_noise(every) else [], None),
         paper_section=Section("paper", left_out=say("chosen_alone")),
         wing=claims.read(),
+        when=True,
+        better=findings.contest(compared[0][1]) if compared else None,
     )
 
 
@@ -139,6 +146,8 @@ def _page(
     noise: Section,
     paper_section: Section,
     wing: Claims | None,
+    when: bool,
+    better: Contest | None,
     assumed: Section | None = None,
 ) -> Page:
     main = every[0]
@@ -166,18 +175,18 @@ def _page(
         noise,
         paper_section,
         over_time,
-        page_origin.section(every),
+        page_origin.section(every, when=when),
     ]
     charts, panels = page_campaign.panels(main, course)
     for section in sections:
         for picture in section.pictures:
             charts |= picture.charts
     notes = [note for note in map(page_data.unfinished, every) if note]
-    return Page(title, page_verdict.headline(main.summary), notes, sections, charts, panels)
+    return Page(title, headline(main.summary, better), notes, sections, charts, panels)
 
 
-def _against_first(every: Sequence[Campaign]) -> Section:
-    """Make the section that compares further campaigns with the first, where they are pairs."""
+def _against_first(every: Sequence[Campaign]) -> tuple[list[tuple[str, Summary]], list[str]]:
+    """Compare further campaigns with the first; why some are no pairs."""
     first, *others = every
     comparisons, reasons = [], []
     for campaign in others:
@@ -189,7 +198,7 @@ def _against_first(every: Sequence[Campaign]) -> Section:
             comparisons.append((f"{campaign.name} against {first.name}", found))
     if not others:
         reasons.append(say("no_second"))
-    return page_campaign.contest_section(comparisons, left_out=" ".join(reasons))
+    return comparisons, reasons
 
 
 def _differ_in_noise(every: Sequence[Campaign]) -> bool:

@@ -14,20 +14,24 @@ from pipeline.study.campaign import Campaign
 _SHOWN = (*RUN_GROUPS, "campaign", "bounds")
 
 
-def section(campaigns: Sequence[Campaign]) -> Section:
+def section(campaigns: Sequence[Campaign], *, when: bool) -> Section:
     """Make the section.
 
     Parameters
     ----------
     campaigns : sequence of Campaign
         The main one first.
+    when : bool
+        Whether it says when, where and how fast runs were made; a page without is the same, to the
+        last byte, whoever makes it.
 
     Returns
     -------
     Section
     """
     main, *others = campaigns
-    unknown = [campaign.name for campaign in campaigns if not provenance.sessions(campaign.path)]
+    made = {one.name: provenance.sessions(one.path) for one in campaigns} if when else {}
+    unknown = [name for name, sessions in made.items() if not sessions]
     settings = _settings(main)
     texts = {
         f"Full configuration of {main.name}": yaml.safe_dump(
@@ -44,7 +48,7 @@ def section(campaigns: Sequence[Campaign]) -> Section:
         lines=[say("not_recorded", word=NOT_RECORDED, campaigns=unknown)] if unknown else [],
         tables=[
             _campaigns(campaigns),
-            *([_sessions(campaigns)] if len(unknown) < len(campaigns) else []),
+            *([_sessions(campaigns)] if when and len(unknown) < len(campaigns) else []),
             _software(software),
         ],
         preformatted=texts,
@@ -59,7 +63,6 @@ def _campaigns(campaigns: Sequence[Campaign]) -> Table:
     rows = []
     for campaign in campaigns:
         summary, attributes = campaign.summary, campaign.runs.attrs
-        seconds = sum(session["seconds"] for session in provenance.sessions(campaign.path))
         texts = (
             f"`{campaign.name}`",
             campaign.configuration["schedule"]["name"],
@@ -68,12 +71,11 @@ def _campaigns(campaigns: Sequence[Campaign]) -> Table:
             summary["runs_failed"],
             attributes["seed"],
             f"`{attributes['fingerprint'][:12]}`",
-            f"{seconds:.1f} s" if seconds else NOT_RECORDED,
         )
         rows.append(cells(texts))
     headings = ("campaign", "schedule", "noise", "runs done", "failed", "seed")
     caption = "Campaigns; the fingerprint is that of configuration and code"
-    return Table(caption, (*headings, "fingerprint", "run time"), rows, 3)
+    return Table(caption, (*headings, "fingerprint"), rows, 3)
 
 
 def _sessions(campaigns: Sequence[Campaign]) -> Table:

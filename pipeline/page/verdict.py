@@ -9,7 +9,7 @@ from collections import Counter
 
 from inscal.parameters import NAMES
 from pipeline.page.data import units
-from pipeline.page.parts import BAD, ENOUGH_TEXT, GOOD, OPEN, Cell, Section, Table, say
+from pipeline.page.parts import BAD, GOOD, OPEN, Cell, Section, Table, say
 from pipeline.study import findings, honesty
 from pipeline.study.campaign import Campaign
 from pipeline.study.findings import Summary, bound_word
@@ -37,22 +37,6 @@ def sigma_verdict(summary: Summary, name: str) -> str:
     return honesty.sigma_word(summary, name)
 
 
-def headline(summary: Summary) -> str:
-    """Say in a sentence whether all bounds are met at once, of all runs made."""
-    made, word = summary["runs_done"] + summary["runs_failed"], findings.bounds_word(summary)
-    return say(
-        "headline",
-        word=word,
-        decided=word != UNDECIDED,
-        count=len(summary["parameters"]),
-        joint=findings.joint_text(summary),
-        made=made,
-        failed=summary["runs_failed"],
-        contradicted=summary.get("runs_contradicted", 0),
-        enough=ENOUGH_TEXT,
-    )
-
-
 def converged(summary: Summary) -> str:
     """Say of how many runs the statistics are."""
     done, failed = summary["runs_done"], summary["runs_failed"]
@@ -71,14 +55,19 @@ def section(campaign: Campaign) -> Section:
     Section
     """
     summary = campaign.summary
-    rows = summary["parameters"]
-    words = Counter(bound_word(row) for row in rows.values())
+    rows, needed = summary["parameters"], findings.asked(summary, "each")
+    words = Counter(bound_word(row, needed) for row in rows.values())
     runs, modelled = summary["runs_done"], findings.degrees_of_freedom(summary)
     counts = ", ".join(f"{words[word]} {word}" for word in (MET, NOT_MET, UNDECIDED))
     return Section(
         "verdict",
         lines=(
-            say("one_by_one", count=len(rows), counts=counts, enough=ENOUGH_TEXT),
+            say(
+                "one_by_one",
+                count=len(rows),
+                counts=counts,
+                enough=f"{100 * needed:g} %",
+            ),
             say(
                 "sigma_honest",
                 limits=honesty.ratio_limits(runs, modelled),
@@ -117,7 +106,8 @@ def _row(summary: Summary, name: str, unit: str) -> list[Cell]:
     else:
         ratio_cell = Cell("–", -1.0)
     within = md.share(share, row["share_within_bound_lower"], row["share_within_bound_upper"])
-    bound, sigma = bound_word(row), sigma_verdict(summary, name)
+    bound = bound_word(row, findings.asked(summary, "each"))
+    sigma = sigma_verdict(summary, name)
     return [
         Cell(name, parameter=name),
         Cell(unit),

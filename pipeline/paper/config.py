@@ -6,7 +6,7 @@ from functools import partial
 from omegaconf import MISSING
 
 from pipeline.config.load import Program
-from pipeline.config.rules import (
+from pipeline.config.rule import (
     COUNT,
     FINITE,
     MOST_PASSES,

@@ -25,7 +25,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 """Folder of the texts on the study."""
 
 ENOUGH = 0.99
-"""Share of runs from which on a bound counts as met."""
+"""Share of runs from which on a bound counts as met, where the configuration says nothing else."""
 
 SUMMARY_FOLDER = Path("results/summary")
 _COMPARISON_FOLDER = Path("results/comparison")
@@ -168,20 +168,26 @@ def joint_text(summary: Summary) -> str:
     return md.share(*(summary[f"joint_share{end}"] for end in ("", "_lower", "_upper")))
 
 
+def asked(summary: Summary, of: str = "joint") -> float:
+    """Share of runs that are to keep all bounds at once; with ``each``, any bound."""
+    return float(summary.get(f"{of}_share_asked", ENOUGH))
+
+
 def bounds_word(summary: Summary) -> str:
     """Verdict on all bounds at once."""
-    return share_word(summary["joint_share_lower"], summary["joint_share_upper"], ENOUGH)
+    return share_word(summary["joint_share_lower"], summary["joint_share_upper"], asked(summary))
 
 
-def bound_word(row: Mapping[str, float]) -> str:
+def bound_word(row: Mapping[str, float], needed: float = ENOUGH) -> str:
     """Verdict on the bound of one parameter."""
     limits = row["share_within_bound_lower"], row["share_within_bound_upper"]
-    return share_word(*limits, ENOUGH)
+    return share_word(*limits, needed)
 
 
 def not_kept(summary: Summary) -> dict[str, str]:
     """Parameters whose bound is not met, or cannot be judged, with the word for it."""
-    words = {name: bound_word(row) for name, row in summary["parameters"].items()}
+    needed = asked(summary, "each")
+    words = {name: bound_word(row, needed) for name, row in summary["parameters"].items()}
     return {name: word for name, word in words.items() if word != MET}
 
 
@@ -246,11 +252,11 @@ def contest(comparison: Summary) -> Contest:
 def contest_verdict(result: Contest) -> str:
     """Say in a short paragraph which campaign wins, by how much and at what cost."""
     counts = {"worse": len(result.worse), "better": len(result.better)}
-    values = vars(result) | counts | {"time": time_text(result), **_shares(result)}
+    values = vars(result) | counts | {"time": time_text(result), **shares(result)}
     return sentence(TEMPLATES, "contest_verdict", **values)
 
 
-def _shares(result: Contest) -> dict[str, Any]:
+def shares(result: Contest) -> dict[str, Any]:
     """The two shares of runs that keep all bounds, that of the better campaign first."""
     if result.joint is None:
         return {"first": None}

@@ -30,6 +30,9 @@ def role(name: str) -> str:
 MAIN, ONE_PASS, PAPER_TRUTH = role("main"), role("one_pass"), role("paper_truth")
 """Campaigns that verdicts speak of."""
 
+BETTER = role("better")
+"""Comparison that answers which schedule is better."""
+
 CAMPAIGNS: tuple[str, ...] = tuple(study()["reported"])
 """Campaigns reported on, in their order."""
 

@@ -9,8 +9,9 @@ from pipeline.config.load import position_durations
 from pipeline.config.schema import KIND_KEYS
 from pipeline.study import assumptions, findings, honesty, verdict
 from pipeline.study.findings import ENOUGH, Results, Summary
+from pipeline.study.headline import headline
 from pipeline.study.honesty import HONEST
-from pipeline.study.names import COMPARISONS, LEVELS, MAIN, ONE_PASS
+from pipeline.study.names import BETTER, COMPARISONS, LEVELS, MAIN, ONE_PASS
 from pipeline.words import markdown as md
 from pipeline.words.render import render
 
@@ -42,6 +43,7 @@ def report_text(results: Results) -> str:
         enough=f"{100 * ENOUGH:g} %",
         level=f"{100 * honesty.LEVEL:g} %",
         power=f"{100 * honesty.POWER:g} %",
+        headline=headline(summaries[MAIN], findings.contest(results.comparisons[BETTER])),
         requirements=verdict.table(checks, "requirement", plain=(verdict.MET,)),
         requirements_met=sum(check.met for check in checks),
         requirements_count=len(checks),

@@ -16,10 +16,9 @@ from inscal.parameters import KINDS, NAMES
 from pipeline import report
 from pipeline.campaign import provenance, store
 from pipeline.campaign.driver import simulate_campaign
-from pipeline.campaign.judged import as_json, summary_of
+from pipeline.campaign.judged import summary_of
 from pipeline.config.load import load
 from pipeline.console.errors import DataError
-from pipeline.console.output import json_data
 from pipeline.gate import baseline, history
 from pipeline.page import compose as page
 from pipeline.page import data as page_data
@@ -163,26 +162,6 @@ def test_sigma_verdict_is_what_so_many_runs_can_say(runs, ratio, word):
     assert page_verdict.sigma_verdict(summary, "accel_k11") == word
     table["accel_k11"]["predicted_std"] = 0.0
     assert page_verdict.sigma_verdict(summary, "accel_k11") == "not estimated"
-
-
-def test_headline_follows_the_joint_share(stores):
-    summary = json_data(as_json(summary_of(load([]), stores / "quiet")))
-    for lower, upper, words in (
-        (0.99, 1.0, "The bounds are met: all"),
-        (0.97, 0.98, "The bounds are not met: all"),
-        (0.97, 1.0, "Whether the bounds are met cannot be judged: all"),
-    ):
-        ends = {"joint_share_lower": lower, "joint_share_upper": upper}
-        assert page_verdict.headline(summary | ends).startswith(words)
-
-
-def test_headline_counts_the_runs_that_failed(stores):
-    summary = json_data(as_json(summary_of(load([]), stores / "quiet")))
-    text = page_verdict.headline(summary | {"runs_done": 466, "runs_failed": 34})
-    assert " of 500 runs, where 99 % is asked for. 34 runs (6.8 %) did not converge and" in text
-    assert text.endswith("NEES and sigma are of the 466 that did.")
-    assert "converge" not in page_verdict.headline(summary)
-    assert "of 7 runs contradict" in page_verdict.headline(summary | {"runs_contradicted": 7})
 
 
 def test_same_campaigns_give_the_same_bytes(stores, text):

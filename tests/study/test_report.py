@@ -55,7 +55,9 @@ def campaign(seed=1, scale=1.0):
 def summary_of(dataset, noise="reference"):
     summary = summarize(dataset, BOUND)
     noise = CONFIGURATION["noise"] | {"name": noise}
-    return summary.assign_attrs(noise=noise, seed=1, passes_taken={"2": RUNS})
+    return summary.assign_attrs(
+        campaign=MAIN, schedule="position25", noise=noise, seed=1, passes_taken={"2": RUNS}
+    )
 
 
 def comparison_of(scale_a, durations=(9500.0, 12500.0)):
@@ -107,7 +109,7 @@ def test_report_is_the_same_text_each_time_and_links_every_figure(results):
 def test_all_requirements_met(results):
     assert verdicts(results) == [True, True, True]
     text = report.report_text(results)
-    assert "Requirements met: 3 of 3" in text
+    assert "Requirements of the filter met: 3 of 3" in text
     assert "not met" not in section(text, "Requirements")
 
 
