@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager, nullcontext
 from urllib.parse import urlsplit
 
 import dask
+import distributed.core
 from dask.utils import parse_timedelta
 from distributed import Client, LocalCluster, Security
 from distributed.core import rpc
@@ -109,6 +110,17 @@ def client(cluster: Cluster) -> Iterator[Client]:
         finally:
             with interrupts.held():
                 stack.close()
+                _forget()
+
+
+def _forget() -> None:
+    """Clear the cache by which distributed holds on to closed schedulers and workers, if it has it.
+
+    They hold the experiments of their campaigns, which one process may make many of.
+    """
+    cached = getattr(distributed.core, "_expects_comm", None)
+    if hasattr(cached, "cache_clear"):
+        cached.cache_clear()
 
 
 @contextmanager

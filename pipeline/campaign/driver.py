@@ -27,6 +27,9 @@ _FIRST_LOOK = 200
 _LOOK_GROWTH = 1.2
 
 
+_before = False  # whether this process has made a campaign
+
+
 def simulate_campaign(config: Config) -> None:
     """Make all runs of a campaign that its store does not hold yet.
 
@@ -101,6 +104,10 @@ def _make_pending(
 @contextmanager
 def _left_alone() -> Iterator[None]:
     """Keep full collections, which stop every thread, from looking at all that was imported."""
+    global _before
+    if _before:  # what an earlier campaign of this process leaves in circles: all of its experiment
+        gc.collect()
+    _before = True
     gc.freeze()
     try:
         yield
