@@ -14,9 +14,11 @@ sys.path[:0] = [str(_HERE), str(_HERE.parent)]
 # kernels stay plain Python functions: documentation is no reason to compile
 os.environ.setdefault("NUMBA_DISABLE_JIT", "1")
 
+from inscal import __version__  # noqa: E402 - after the path above
+
 _project = tomllib.loads((_HERE.parent / "pyproject.toml").read_text())["project"]
 project = _project["name"]
-release = version = _project["version"]
+release = version = __version__
 language = "en"
 
 extensions = [

@@ -1,7 +1,9 @@
 """The program `inscal`, as the package installs it: the way to the pipeline, which is not imported.
 
 The pipeline is a package of its own, `pipeline`. In a clone it lies beside this one; a wheel has it
-inside, where no other package of that name is in its way or hidden by it.
+inside, where no other package of that name is in its way or hidden by it. Importing this module
+makes it importable, which is all that a worker of somebody's scheduler needs:
+``dask worker ADDRESS --preload inscal.command``.
 """
 
 import sys
@@ -10,11 +12,13 @@ from pathlib import Path
 _HERE = Path(__file__).resolve().parent
 _NEEDED = "needs the libraries of campaigns: pip install 'inscal[campaigns]'"
 
+_place = _HERE / "app" if (_HERE / "app").is_dir() else _HERE.parent
+if str(_place) not in sys.path:
+    sys.path.insert(0, str(_place))
+
 
 def main() -> None:
-    """Find the pipeline, and do what the command line says."""
-    inside = _HERE / "app"
-    sys.path.insert(0, str(inside if inside.is_dir() else _HERE.parent))
+    """Do what the command line says."""
     from pipeline.console import command
 
     try:

@@ -13,25 +13,31 @@ consistency or of the bounds failed. Exit code 2: there is nothing to compare.
 For example::
 
     python -m pipeline.regress
+    python -m pipeline.regress out=results/gate.json    # with gate.xml (JUnit) and gate.md beside
     python -m pipeline.regress "accept='the filter has a third pass'"
     python -m pipeline.regress estimates=mine.csv baseline=mine campaign.store=results/runs/x
 
-Reads: accept estimates baseline mapping campaign.store schedule noise disturbance truth estimator
-campaign.seed site simulation sensor bounds.
+Reads: accept out estimates baseline mapping campaign.store schedule noise disturbance truth
+estimator campaign.seed site simulation sensor bounds.
 """
 
 from pipeline.config.schema import Config
 from pipeline.config.stage import stage
-from pipeline.gate import judge, others
+from pipeline.gate import judge, others, told
 
 
-@stage
+@stage(writes=(".json", ".md", ".xml"))
 def main(config: Config) -> None:
     """Compare with the baseline, or write a new one."""
     gate = judge if config.estimates is None else others
     if config.accept is not None:
         gate.accept(config, config.accept.strip())
-    elif gate.compare(config) == "worse":
+        return
+    report = gate.compare(config)
+    told.show(report)
+    if config.out:
+        told.write(report, config.out)
+    if report.verdict == told.WORSE:
         raise SystemExit(1)
 
 

@@ -119,8 +119,9 @@ def _forget() -> None:
     They hold the experiments of their campaigns, which one process may make many of.
     """
     cached = getattr(distributed.core, "_expects_comm", None)
-    if hasattr(cached, "cache_clear"):
-        cached.cache_clear()
+    clear = getattr(cached, "cache_clear", None)
+    if clear is not None:
+        clear()
 
 
 @contextmanager
@@ -228,6 +229,7 @@ def slurm(cluster: Cluster):
         scheduler_options={**_NO_DASHBOARD, "host": host, "port": port},
         worker_extra_args=[
             *("--no-dashboard", "--dashboard-address", _NO_DASHBOARD["dashboard_address"]),
+            *("--preload", "inscal.command"),  # where the pipeline is
             # a worker of another node has to be reached there; where that is, it knows itself
             *(("--host", _LOOPBACK) if cluster.address is None else ()),
         ],

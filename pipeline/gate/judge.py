@@ -18,6 +18,7 @@ from pipeline.console.errors import ConfigError, DataError
 from pipeline.gate import history
 from pipeline.gate.baseline import folder_of, read_baseline, sample_of, write_baseline
 from pipeline.gate.cases import REFERENCE, Case, cases
+from pipeline.gate.told import Report, Told, worst_first
 
 BASELINE = Path("results/baseline")
 """Folder of the committed baselines."""
@@ -55,11 +56,13 @@ def accept(config: Config, reason: str) -> None:
     for case, sample in made:
         _refuse(case, sample)
     for case, sample in made:
-        write_baseline(folder_of(BASELINE, case.name), sample, case.configuration, reason)
+        write_baseline(
+            folder_of(baseline_of(config), case.name), sample, case.configuration, reason
+        )
     case, sample = made[0]
     row = history_row(sample, case.configuration, str(date.today()), reason)
-    history.append(BASELINE, row)
-    print(f"baseline written to {BASELINE}: {reason}")
+    history.append(baseline_of(config), row)
+    print(f"baseline written to {baseline_of(config)}: {reason}")
 
 
 def _refuse(case: Case, sample: Sample) -> None:
@@ -82,26 +85,34 @@ def history_row(
     return history.row_of(sample.error, sigma, sample.nees, configuration, date=day, reason=reason)
 
 
-def compare(config: Config) -> str:
-    """Judge the campaigns of this code against the baselines and print what was found.
+def compare(config: Config) -> Report:
+    """Judge the campaigns of this code against the baselines.
 
     Returns
     -------
-    str
-        One of `VERDICTS`.
+    Report
     """
     judged = list(judgements(config))
-    verdict = max((judgement.verdict for _, judgement, _ in judged), key=VERDICTS.index)
-    runs = sum(case.runs for case, _, _ in judged)
-    reason = judged[0][2]["reason"]
-    print(f"{verdict}: {runs} runs of {len(judged)} cases against the baseline: {reason}")
+    told = []
     for case, judgement, about in judged:
         changes = differences(about["configuration"], case.configuration)
-        if changes or judgement.verdict != "identical":
-            print(f"  {case.name}: {judgement.verdict}")
-        for line in [f"configuration: {change}" for change in changes] + lines(judgement):
-            print(f"    {line}")
-    return verdict
+        said = [f"configuration: {change}" for change in changes] + lines(judgement)
+        told.append(Told(case.name, judgement, said))
+    told.sort(key=_badness, reverse=True)
+    runs = sum(case.runs for case, _, _ in judged)
+    return Report(told[0].judgement.verdict, runs, judged[0][2]["reason"], told)
+
+
+def _badness(told: Told) -> tuple[int, float]:
+    """By verdict, and then by the largest loss."""
+    judgement = told.judgement
+    losses = [loss.ratio for loss in judgement.losses]
+    return VERDICTS.index(judgement.verdict), max(losses, default=0.0)
+
+
+def baseline_of(config: Config) -> Path:
+    """Folder of the baselines: the configured one, or that which is committed."""
+    return Path(config.baseline) if config.baseline else BASELINE
 
 
 def judgements(config: Config) -> Iterator[tuple[Case, Judgement, Mapping[str, Any]]]:
@@ -116,7 +127,8 @@ def judgements(config: Config) -> Iterator[tuple[Case, Judgement, Mapping[str, A
         If a case cannot be run or compared.
     """
     every = list(cases(config))
-    baselines = [read_baseline(folder_of(BASELINE, case.name), case.runs) for case in every]
+    folder = baseline_of(config)
+    baselines = [read_baseline(folder_of(folder, case.name), case.runs) for case in every]
     for case, (old, about) in zip(every, baselines, strict=True):
         new = campaign(case)
         if not np.array_equal(old.columns, new.columns):
@@ -139,7 +151,7 @@ def lines(judgement: Judgement) -> list[str]:
     out += [
         f"{loss.name}: RMSE {_interval(loss.ratio, loss.lower, loss.upper)} of the baseline's, "
         f"adjusted p {_p_text(loss.p_value)}"
-        for loss in judgement.losses
+        for loss in worst_first(judgement.losses)
     ]
     out += [_check_line(check) for check in judgement.checks if not check.passed]
     if judgement.verdict != "worse" and judgement.ratios is not None:

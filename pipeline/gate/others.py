@@ -27,6 +27,7 @@ from pipeline.config.setup import Setup
 from pipeline.console.errors import ConfigError, DataError
 from pipeline.gate.baseline import read_baseline, write_baseline
 from pipeline.gate.judge import VERDICTS, lines
+from pipeline.gate.told import Report, Told
 from pipeline.study.estimates import read_estimates
 from pipeline.study.others import as_campaign
 
@@ -50,13 +51,12 @@ def accept(config: Config, reason: str) -> None:
     print(f"baseline written to {folder}: {reason}")
 
 
-def compare(config: Config) -> str:
-    """Judge a table of estimates against its baseline, and print what was found.
+def compare(config: Config) -> Report:
+    """Judge a table of estimates against its baseline.
 
     Returns
     -------
-    str
-        One of `pipeline.gate.judge.VERDICTS`.
+    Report
 
     Raises
     ------
@@ -77,11 +77,10 @@ def compare(config: Config) -> str:
     judgement = regression.judge(old, new, bound, claimed=best)
     if same and regression.identical(old, new):
         judgement = replace(judgement, verdict=VERDICTS[0])
-    print(f"{judgement.verdict}: {len(new.error)} runs against the baseline: {before['reason']}")
     kind = "an optimal" if best else "no optimal"
-    for line in [f"the baseline's errors are those of {kind} filter", *lines(judgement)]:
-        print(f"    {line}")
-    return judgement.verdict
+    said = [f"the baseline's errors are those of {kind} filter", *lines(judgement)]
+    told = Told(Path(str(config.estimates)).stem, judgement, said)
+    return Report(judgement.verdict, len(new.error), before["reason"], [told])
 
 
 def _folder(config: Config) -> Path:

@@ -1,17 +1,20 @@
 """The short forms of what happens to a campaign's machine; the long ones are the programs here."""
 
 import random
+import sys
 import threading
 
 import disk
 import fuzz
 import kills
+import numpy as np
 import pytest
 import runs
-from campaigns import SHORT, assert_same_store, make, run_stage
+from campaigns import SHORT, assert_same_store, make, processes, run_stage, wait_until
 
 from pipeline import simulate
 from pipeline.campaign import cluster, fan_out, store, worker
+from pipeline.campaign.lock import writing
 
 
 @pytest.mark.parametrize("kind", ["exit", "machine_code"])
@@ -104,3 +107,29 @@ def test_whatever_is_given_is_told_in_one_line():
     found = fuzz.survey(120, 7)
     assert set(found) == {"accepted", "refused"}
     assert found["refused"] > 60
+
+
+def test_the_second_writer_is_refused_under_any_name_of_the_store(tmp_path, short_store):
+    path, link = make(tmp_path / "campaign"), tmp_path / "link"
+    link.symlink_to(path)
+    with writing(path):
+        for name in (path, link):
+            ended = run_stage(simulate, *SHORT, f"campaign.store={name}", "campaign.runs=31")
+            assert ended.code == 2
+            assert "another process is writing it" in ended.err
+    assert_same_store(path, short_store)
+
+
+def test_a_reader_beside_a_writer_sees_whole_runs_and_no_damage(tmp_path):
+    path = tmp_path / "campaign"
+    command = [sys.executable, "-m", "pipeline.simulate", *SHORT, "campaign.runs=3000"]
+    with processes([*command, "campaign.batch=1", f"campaign.store={path}"]) as (writer,):
+        wait_until((path / "zarr.json").exists)
+        seen = []
+        while writer.poll() is None:
+            found = store.done(store.read(path))
+            assert np.isfinite(found["error"]).all()
+            seen.append(found.sizes["run"])
+    assert writer.returncode == 0
+    assert seen == sorted(seen)
+    assert len(set(seen)) > 1

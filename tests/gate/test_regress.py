@@ -3,6 +3,7 @@
 import json
 import shutil
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import numpy as np
 import planted
@@ -63,6 +64,30 @@ def test_gate_stops_what_is_worse_with_names_and_intervals(kept):
     assert "configuration: estimator.passes = 2 -> 1\n" in ended.out
     assert "  accel_k: RMSE " in ended.out
     assert "(95 %: " in ended.out
+
+
+def test_the_gate_tells_people_pull_requests_and_machines(kept, tmp_path):
+    out = tmp_path / "told" / "gate.json"
+    ended = run_stage(regress, "estimator=one_pass", f"out={out}", f"baseline={kept}")
+    assert ended.code == 1
+    found = json.loads(out.read_text())
+    assert found["verdict"] == "worse"
+    first, *others = found["cases"]
+    assert (first["name"], first["verdict"]) == ("reference", "worse")
+    assert {case["verdict"] for case in others} == {"identical"}
+    ratios = [loss["ratio"] for loss in first["losses"]]
+    assert ratios == sorted(ratios, reverse=True)
+    shown = [line for line in ended.out.splitlines() if ": RMSE " in line]
+    assert shown[0].strip().startswith(f"{first['losses'][0]['name']}: RMSE")
+    suite = ElementTree.parse(out.with_suffix(".xml")).getroot()
+    assert (suite.get("tests"), suite.get("failures")) == ("11", "1")
+    (failure,) = suite.iter("failure")
+    assert "RMSE" in failure.text
+    page = out.with_suffix(".md").read_text()
+    assert page.startswith("## Accuracy gate: worse\n")
+    assert f"`{first['losses'][0]['name']}`" in page
+    missing = run_stage(regress, f"baseline={tmp_path / 'nothing'}")
+    assert missing.code == 2
 
 
 def written(folder):
