@@ -57,7 +57,8 @@ def print_summary(summary: xr.Dataset) -> None:
         f"consistent if in {float(summary.nees_lower):.2f} ... {float(summary.nees_upper):.2f}"
     )
     for part in told(data).splitlines():
-        say(f"filter's own sigma: {part}" if part.startswith(honesty(data)) else part)
+        if part != honesty(data):  # which the headline says
+            say(part)
     print(
         f"every RMSE known to {100 * float(summary.precision):.1f} % or better, that of "
         f"{summary.least_precise.item()} worst"

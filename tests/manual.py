@@ -21,6 +21,8 @@ from pathlib import Path
 import yaml
 from campaigns import ROOT, fake_slurm
 
+import inscal
+
 README = "README.md"
 _FOUND = (path.relative_to(ROOT) for path in (ROOT / "docs").rglob("*.md"))
 PAGES = [README, *sorted(str(path) for path in _FOUND if "_build" not in path.parts)]
@@ -280,6 +282,10 @@ def lock() -> str:
 
 def pip(copy: Copy, step: Step) -> str:
     """See that what is to be installed exists, and run what follows."""
+    if wheel := re.fullmatch(r"pip install 'inscal-(\S+)-py3-none-any\.whl\[(\w+)\]'", step.text):
+        assert wheel[1] == inscal.__version__  # tests/test_wheel.py installs it
+        check_extras(wheel[2])
+        return ""
     line = re.fullmatch(r"pip install -c (\S+) -e (\.|'\.\[(\w+)\]')( && (.+))?", step.text)
     assert line
     assert (copy.root / line[1]).is_file()
@@ -297,6 +303,11 @@ def own_program(copy: Copy, step: Step) -> str:
     *_, table = shlex.split(step.text)
     (copy.root / table).write_bytes((copy.root / "results/logs/guarded.csv").read_bytes())
     return ""
+
+
+def step_summary(copy: Copy, step: Step) -> str:
+    """With the file that a host of workflows gives."""
+    return copy.bash(f"export GITHUB_STEP_SUMMARY=/dev/null; {step.text}", step.code)
 
 
 @dataclass(frozen=True)
@@ -337,6 +348,8 @@ RULES: dict[str, Rule] = {
         ),
         as_written,
     ),
+    "the program": Rule(lambda c: c.startswith("inscal "), as_written),
+    "summary of a step": Rule(lambda c: c.endswith('>> "$GITHUB_STEP_SUMMARY"'), step_summary),
     "a user's own program": Rule(lambda c: c.startswith("my_calibrator "), own_program),
     "example as written": Rule(re.compile(r"python examples/\w+\.py( .*)?").fullmatch, as_written),
 }

@@ -24,17 +24,17 @@ def test_headline_says_how_many_runs_could_show_it(short_store):
     assert [runs_needed(share) for share in (0.99, 0.9)] == [381, 35]
     summary = json_data(as_json(summary_of(load([]), short_store)))
     few = {"joint_share_lower": 0.95, "joint_share_upper": 1.0}
-    assert "So few runs can never show 99.0 %: 381 are needed" in headline(summary | few)
+    assert "So few runs can never show 99 %: 381 are needed" in headline(summary | few)
     many = few | {"runs_done": 381, "runs_failed": 0}
     assert "never show" not in headline(summary | many)
     own = json_data(as_json(summary_of(load(["bounds.joint_share=0.9"]), short_store)))
-    assert "where 90.0 % is asked for" in headline(own)
+    assert "where 90 % is asked for" in headline(own)
 
 
 def test_headline_counts_the_runs_that_failed(short_store):
     summary = json_data(as_json(summary_of(load([]), short_store)))
     text = headline(summary | {"runs_done": 466, "runs_failed": 34})
-    assert " of 500 runs, where 99.0 % is asked for. 34 runs (6.8 %) did not converge and" in text
+    assert " of 500 runs, where 99 % is asked for. 34 runs (6.8 %) did not converge and" in text
     assert "NEES and sigma are of the 466 that did." in text
     assert "converge" not in headline(summary)
     assert "of 7 runs contradict" in headline(summary | {"runs_contradicted": 7})
