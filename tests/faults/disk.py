@@ -87,7 +87,7 @@ def campaigns(folder: Path, moments: int) -> list[str]:
     return out
 
 
-def summary(folder: Path, size_k: int = 4) -> str:
+def summary(folder: Path) -> str:
     """A summary on a full disk: the one of before, by other bounds, must be what it was."""
     good, file = folder / "good", "results/summary/good.json"
     command = [sys.executable, "-m", "pipeline.summarize", f"campaign.store={good}"]
@@ -96,6 +96,8 @@ def summary(folder: Path, size_k: int = 4) -> str:
     subprocess.run(
         [*command, "bounds.accel_bias_ug=20"], cwd=before, check=True, stdout=subprocess.DEVNULL
     )
+    # room for the one that is there, and a page or two
+    size_k = 4 * -(-(before / file).stat().st_size // 4096) + 8
     put = f"mkdir -p results/summary; [ -e {file} ] || cp {before / file} {file}"
     first = ["bash", "-c", f'{put}; exec "$@"', "summary"]
     code = on_a_disk(folder, [*first, *command], size_k)
