@@ -45,6 +45,8 @@ class Page:
     Attributes
     ----------
     title, headline : str
+    verdict : str
+        Of the bounds of the main campaign, in two words or three.
     notes : list of str
         What a reader must know before anything else, such as runs that are missing.
     sections : list of Section
@@ -55,6 +57,7 @@ class Page:
     """
 
     title: str
+    verdict: str
     headline: str
     notes: list[str]
     sections: list[Section]
@@ -182,7 +185,9 @@ def _page(
         for picture in section.pictures:
             charts |= picture.charts
     notes = [note for note in map(page_data.unfinished, every) if note]
-    return Page(title, headline(main.summary, better), notes, sections, charts, panels)
+    word = f"bounds {findings.bounds_word(main.summary)}"
+    told = headline(main.summary, better)
+    return Page(title, word, told, notes, sections, charts, panels)
 
 
 def _against_first(every: Sequence[Campaign]) -> tuple[list[tuple[str, Summary]], list[str]]:

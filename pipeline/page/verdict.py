@@ -82,19 +82,29 @@ def section(campaign: Campaign) -> Section:
             Table(
                 f"{campaign.name}: {converged(summary)}, in parentheses 95 % intervals",
                 (
-                    *("parameter", "unit", "bound", "RMSE", "predicted sigma"),
-                    *("RMSE / predicted", "within bound", "bound met?"),
-                    "sigma honest?",
+                    # verdicts first, in view on a phone too
+                    *("parameter", "bound met?", "sigma honest?", "unit", "bound", "RMSE"),
+                    *("predicted sigma", "RMSE / predicted", "within bound"),
                 ),
                 [
                     _row(summary, name, unit)
-                    for name, unit in zip(NAMES, units(campaign), strict=True)
+                    for name, unit in sorted(
+                        zip(NAMES, units(campaign), strict=True),
+                        key=lambda pair: not _is_exception(summary, pair[0]),
+                    )
                 ],
-                2,
+                4,
                 name="parameters",
             ),
         ),
     )
+
+
+def _is_exception(summary: Summary, name: str) -> bool:
+    """Whether a parameter's bound is not met, or its sigma not honest; such rows come first."""
+    needed = findings.asked(summary, "each")
+    row = summary["parameters"][name]
+    return bound_word(row, needed) != MET or sigma_verdict(summary, name) != HONEST
 
 
 def _row(summary: Summary, name: str, unit: str) -> list[Cell]:
@@ -110,12 +120,12 @@ def _row(summary: Summary, name: str, unit: str) -> list[Cell]:
     sigma = sigma_verdict(summary, name)
     return [
         Cell(name, parameter=name),
+        Cell(bound, look=look(bound)),
+        Cell(sigma, look=look(sigma)),
         Cell(unit),
         Cell(f"{row['bound']:g}", row["bound"]),
         Cell(f"{row['rmse']:.3g}", row["rmse"]),
         Cell(f"{row['predicted_std']:.3g}", row["predicted_std"]),
         ratio_cell,
         Cell(within, share),
-        Cell(bound, look=look(bound)),
-        Cell(sigma, look=look(sigma)),
     ]

@@ -133,14 +133,17 @@ def test_numbers_are_those_of_the_summary(stores, seen, text):
     summary = summary_of(load([]), stores / "quiet")
     rows = {row[0].strip(): row for row in seen.rows[1:]}
     assert set(rows) == set(NAMES)
+    # what is not met or not honest comes first
+    fine = [row[1:3] == ["met", "honest"] for row in rows.values()]
+    assert fine == sorted(fine)
     for name, row in rows.items():
         expected = summary.sel(parameter=name)
-        assert float(row[2]) == pytest.approx(float(expected.bound), rel=1e-5)
-        assert float(row[3]) == pytest.approx(float(expected.rmse), rel=5e-3)
-        assert float(row[4]) == pytest.approx(float(expected.predicted_std), rel=5e-3)
-        assert row[5].startswith(f"{float(expected.rmse_over_predicted):.3f} (")
+        assert float(row[4]) == pytest.approx(float(expected.bound), rel=1e-5)
+        assert float(row[5]) == pytest.approx(float(expected.rmse), rel=5e-3)
+        assert float(row[6]) == pytest.approx(float(expected.predicted_std), rel=5e-3)
+        assert row[7].startswith(f"{float(expected.rmse_over_predicted):.3f} (")
         share = (expected.share_within_bound, expected.share_within_bound_lower)
-        assert row[6].startswith("{:.1f} % ({:.1f} to ".format(*(100 * float(s) for s in share)))
+        assert row[8].startswith("{:.1f} % ({:.1f} to ".format(*(100 * float(s) for s in share)))
     joint = f"{100 * float(summary.joint_share):.1f} %"
     assert joint in re.search(r'class="headline">(.*?)<', text)[1]
 
