@@ -110,4 +110,5 @@ def read(config: Config, path: str | Path, *, several: bool = False) -> Campaign
 
 def comparison(a: Campaign, b: Campaign) -> Summary:
     """Compare two campaigns as `pipeline.compare` does; DataError if they are no pair."""
-    return json_data(judged.as_json(judged.comparison(a.path, a.every, b.path, b.every)))
+    bound = a.table["bound"]
+    return json_data(judged.as_json(judged.comparison(a.path, a.every, b.path, b.every, bound)))
