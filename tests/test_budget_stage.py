@@ -110,5 +110,5 @@ def test_a_parameter_that_there_is_none_of_is_refused(tmp_path, monkeypatch):
 def test_budgets_are_written_as_json(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     ended = run_stage(budget, *PATH, "out=budget.csv")
-    assert (ended.code, "must be a JSON file" in ended.err) == (2, True)
+    assert (ended.code, "must be a file whose name ends with .json" in ended.err) == (2, True)
     assert not list(tmp_path.iterdir())

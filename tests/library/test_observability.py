@@ -226,4 +226,4 @@ def test_stage_wants_a_csv_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     ended = run_stage(observe, "out=course.png")
     assert ended.code == 2
-    assert "must be a CSV file" in ended.err
+    assert "must be a file whose name ends with .csv" in ended.err

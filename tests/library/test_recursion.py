@@ -67,7 +67,8 @@ def test_against_the_textbook_filter_in_joseph_form(states):
         scale = np.sqrt(np.outer(np.diag(p), 1 / np.diag(R))) + 1e-300
         assert (np.abs(gains.gain[k, rows] - gain) / scale).max() < 1e-9
     inside = np.ix_(rows[9:] - 9, rows[9:] - 9)
-    assert scaled_difference(gains.covariance[inside], p[9:, 9:]) < 1e-9
+    # of the textbook's form, which loses digits to rounding: 1.1e-9 on some processors
+    assert scaled_difference(gains.covariance[inside], p[9:, 9:]) < 3e-9
     std = np.sqrt(np.diag(p)[9 : model.states])
     np.testing.assert_allclose(gains.parameter_std[-1, model.columns], std, rtol=1e-9)
 
