@@ -4,8 +4,8 @@ Usage: ``python tests/faults/versions.py python3.12 [locked|oldest|newest]``
 
 Works in a folder of its own that it makes: a clone of what is committed, with its own environment.
 ``oldest`` takes every dependency at the lower bound that ``pyproject.toml`` allows, ``newest`` what
-the index has today, ``locked`` what ``constraints.txt`` names. Ends with 0 if all tests pass and the
-campaign agrees with that of the Python that runs this program.
+the index has today, ``locked`` what ``constraints.txt`` names. Ends with 0 if all tests pass and
+the campaign agrees with that of the Python that runs this program.
 """
 
 import os
