@@ -1,6 +1,7 @@
 """Small campaigns and stages run in this process, for the tests that need a store."""
 
 import io
+import json
 import subprocess
 import sys
 import time
@@ -44,6 +45,19 @@ def set_status(path, part, value):
     """Give runs another status, as if they had been written so."""
     zarr.open_group(path, mode="r+")["status"][part] = value
     manifest.seal(Path(path), manifest.read(Path(path)).fingerprint)
+
+
+def make_older(path, *keys):
+    """Make a store as it was before: no manifest, nested attributes, a setting not yet there."""
+    about = json.loads((path / "zarr.json").read_text())
+    configuration = json.loads(about["attributes"]["configuration"])
+    about["attributes"]["configuration"] = configuration
+    *groups, last = keys
+    for key in groups:
+        configuration = configuration[key]
+    del configuration[last]
+    (path / "zarr.json").write_text(json.dumps(about))
+    (path / manifest.NAME).unlink()
 
 
 def files(path):

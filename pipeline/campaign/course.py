@@ -1,6 +1,5 @@
 """One run of a campaign again, with its course over time."""
 
-import json
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,7 @@ import xarray as xr
 
 from inscal.experiment import Outcome, run_with_history
 from inscal.parameters import NAMES, UNITS
-from pipeline.config.load import resolved
+from pipeline.campaign.template import attributes
 from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 
@@ -83,10 +82,8 @@ def history_dataset(config: Config) -> xr.Dataset:
         },
         attrs={
             "run": number,
-            # a netCDF file of this form has no integers longer than 32 bits
-            "seed": seed if (seed := config.campaign.seed) < 2**31 else str(seed),
             "positions": setup.schedule.positions,
-            "configuration": json.dumps(resolved(config)),
+            **attributes(config),
         },
     )
 

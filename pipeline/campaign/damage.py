@@ -19,11 +19,6 @@ _RUN = "run"
 _SHOWN = 3
 
 
-def of(path: Path) -> list[Damage]:
-    """Files of a store that are not as they were written."""
-    return manifest.check(path)
-
-
 def files_of(store: zarr.Group, runs: Sequence[int]) -> list[str]:
     """Files that change when these runs are written."""
     out = [manifest.ROOT]
@@ -43,21 +38,8 @@ def _file(name: str, array: Any, chunk: int) -> str:
     return "/".join([name, "c", str(chunk), *["0"] * (len(array.shape) - 1)])
 
 
-def refuse(path: Path) -> None:
-    """Raise if a store is damaged.
-
-    Raises
-    ------
-    DataError
-        One line that names the store, what of it, and how to mend it.
-    """
-    found = of(path)
-    if found:
-        raise error(path, found)
-
-
 def error(path: Path, found: Sequence[Damage]) -> DataError:
-    """What to say of damage."""
+    """One line that names a damaged store, what of it, and how to mend it."""
     about = "; ".join(f"{one.file} {one.why}{_runs_text(path, one.file)}" for one in found[:_SHOWN])
     more = f" and {len(found) - _SHOWN} more" * (len(found) > _SHOWN)
     return DataError(
@@ -158,7 +140,7 @@ def refuse_nonsense(path: Path, campaign: xr.Dataset) -> None:
     Raises
     ------
     DataError
-        As `refuse`.
+        Of `error`.
     """
     status = campaign["status"].to_numpy()
     bad: dict[str, np.ndarray] = {"status": ~np.isin(status, (NOT_RUN, DONE, FAILED))}

@@ -57,9 +57,10 @@ def simulate_campaign(config: Config) -> None:
         ExitStack() as stack,
     ):
         # workers first: a campaign that cannot have any leaves everything as it was
-        workers = None if store.is_whole(config) else stack.enter_context(client(config.cluster))
+        found = store.look(config)
+        workers = None if found.whole else stack.enter_context(client(config.cluster))
         with interrupts.held():
-            target = store.open_store(config, predicted_std, augmented_std)
+            target = store.open_store(config, predicted_std, augmented_std, found)
         with (
             provenance.session(config.campaign, config.cluster, lambda: len(store.pending(target))),
             # said here already, for it takes a moment to shut the workers down

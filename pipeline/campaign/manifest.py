@@ -10,7 +10,7 @@ killed in between these files alone are taken by their own checksums.
 import hashlib
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ NAME = "status/manifest.json"
 """Within an array's folder: beside the arrays zarr would take it for one, and warn."""
 ROOT = "zarr.json"
 """Names path and batch, so it has its own digest, and the manifest is the same wherever it lies."""
+_FIRST = "status/"
 _TRIES = 5
 """Looks at a store that another process writes to meanwhile."""
 
@@ -129,54 +130,62 @@ def end(path: Path) -> None:
     _write(path, Manifest(about.fingerprint, files, []))
 
 
-def check(path: Path) -> list[Damage]:
-    """Files of a store that are not as they were written; of a store without manifest none.
+def load(path: Path) -> tuple[dict[str, bytes], list[Damage]]:
+    """All files of a store, and those that are not as they were written.
 
-    A process that writes to it meanwhile is no damage.
+    A process that writes to it meanwhile is no damage: a run counts from the moment its status
+    says so, therefore that is read before its numbers are.
+
+    Returns
+    -------
+    files : dict of str to bytes
+        But for the manifest.
+    damages : list of Damage
+        None of a store without manifest.
     """
+    files: dict[str, bytes] = {}
     found: list[Damage] = []
     for _ in range(_TRIES):
         before = _bytes(path / NAME)
+        names = sorted([*_names(path), ROOT], key=lambda name: not name.startswith(_FIRST))
+        files = {name: content for name in names if (content := _bytes(path / name)) is not None}
         try:
             about = read(path)
+            found = _differences(files, about) if about else []
         except ValueError as error:
-            found, about = [Damage(NAME, str(error))], None
-        if about is not None:
-            found = _differences(path, about)
+            found = [Damage(NAME, str(error))]
         if not found or _bytes(path / NAME) == before:
             break
-    return found
+    return files, found
 
 
-def _differences(path: Path, about: Manifest) -> list[Damage]:
+def _differences(files: Mapping[str, bytes], about: Manifest) -> list[Damage]:
     trusted = {*about.writing}
     out = []
     if ROOT not in trusted:
-        out += _of_root(path, about.fingerprint)
+        out += _of_root(files.get(ROOT), about.fingerprint)
     for name, written in about.files.items():
         if name in trusted:
             continue
-        content = _bytes(path / name)
-        if content is None:
+        if name not in files:
             out.append(Damage(name, "is missing"))
-        elif _digest(content) != written:
+        elif _digest(files[name]) != written:
             out.append(Damage(name, "is not as it was written"))
-    known = {*about.files, *trusted}
-    out += [Damage(name, "is no file of this store") for name in _names(path) if name not in known]
-    return out
+    known = {*about.files, *trusted, ROOT}
+    return out + [Damage(name, "is no file of this store") for name in files if name not in known]
 
 
-def _of_root(path: Path, fingerprint: str) -> list[Damage]:
+def _of_root(content: bytes | None, fingerprint: str) -> list[Damage]:
+    if content is None:
+        return [Damage(ROOT, "is missing")]
     try:
-        found = json.loads((path / ROOT).read_text(encoding="utf-8"))
+        found = json.loads(content)
         attributes = found["attributes"]
         if attributes[SIGNATURE] != _root_digest(found):
             return [Damage(ROOT, "is not as it was written")]
         if attributes["fingerprint"] != fingerprint:
             return [Damage(ROOT, "is another campaign's")]
-    except FileNotFoundError:
-        return [Damage(ROOT, "is missing")]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError):
         return [Damage(ROOT, "is not as it was written")]
     return []
 
@@ -191,10 +200,9 @@ def _of_store(path: Path) -> Manifest:
 
 def _names(path: Path) -> list[str]:
     """Files of a store but for root and manifest, and what a writer that was killed left."""
-    out = []
+    out, above = [], len(f"{path}/")
     for folder, _, files in os.walk(path):
-        place = Path(folder).relative_to(path).as_posix()
-        inside = "" if place == "." else f"{place}/"
+        inside = f"{folder}/"[above:]
         out += [f"{inside}{file}" for file in files if ".partial" not in file]
     return sorted(name for name in out if name not in (NAME, ROOT))
 

@@ -8,12 +8,15 @@ but the configuration and its number, the finished store is the same to the last
 
 import json
 import shutil
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 import zarr
+from zarr.buffer.cpu import Buffer
+from zarr.storage import MemoryStore
 
 from inscal.parameters import NAMES
 from inscal.statistics import rmse_half_width_relative
@@ -30,20 +33,62 @@ if TYPE_CHECKING:
     from pipeline.campaign.worker import Batch
 
 _NONE = np.zeros(0)
+_TEXTS, _EXCEPTIONS = ("configuration", "software"), "exceptions"
+
+
+@dataclass(frozen=True)
+class Found:
+    """What is in the place of a campaign's store.
+
+    Attributes
+    ----------
+    path : Path
+        Where a link leads to.
+    same : bool
+        Whether it is a store of this campaign.
+    damaged : list of manifest.Damage
+    whole : bool
+        Whether it is undamaged and has all runs.
+    """
+
+    path: Path
+    same: bool
+    damaged: list[manifest.Damage]
+    whole: bool
+
+
+def look(config: Config) -> Found:
+    """Look at the place of a campaign's store.
+
+    Raises
+    ------
+    DataError
+        If something else is in the way: other files, or a store of another configuration, unless
+        `campaign.replace` allows to delete the latter.
+    """
+    path = Path(config.campaign.store).resolve()
+    if not path.exists() or not _is_same(config, path):
+        return Found(path, False, [], False)
+    _, damaged = manifest.load(path)
+    whole = not damaged and not len(pending(zarr.open_group(path, mode="r")))
+    return Found(path, True, damaged, whole)
 
 
 def open_store(
-    config: Config, predicted_std: np.ndarray, augmented_std: np.ndarray = _NONE
+    config: Config,
+    predicted_std: np.ndarray,
+    augmented_std: np.ndarray = _NONE,
+    found: Found | None = None,
 ) -> zarr.Group:
     """Open the campaign's store for writing, or make it.
 
     Parameters
     ----------
     config : Config
-    predicted_std : ndarray, shape (27,)
-        In paper units.
-    augmented_std : ndarray, shape (n,)
-        Of the augmented states that do not wander, in the units of their keys.
+    predicted_std, augmented_std
+        As `template` has them.
+    found : Found, optional
+        Of `look`, where that has been done.
 
     Returns
     -------
@@ -52,12 +97,12 @@ def open_store(
     Raises
     ------
     DataError
-        If something else is in the way: other files, or a store of another configuration, unless
-        `campaign.replace` allows to delete the latter; or if it cannot be written.
+        As `look`; or if it cannot be written.
     """
-    path = Path(config.campaign.store).resolve()  # a link stays what it is
+    found = found or look(config)
+    path = found.path
     try:
-        return _opened(config, predicted_std, augmented_std, path)
+        return _opened(config, predicted_std, augmented_std, found)
     except OSError as error:
         raise DataError(
             f"campaign.store = {path}: cannot be written ({error.strerror or error})"
@@ -65,16 +110,16 @@ def open_store(
 
 
 def _opened(
-    config: Config, predicted_std: np.ndarray, augmented_std: np.ndarray, path: Path
+    config: Config, predicted_std: np.ndarray, augmented_std: np.ndarray, found: Found
 ) -> zarr.Group:
-    if path.exists() and _is_same(config, path):
+    path = found.path
+    if found.same:
         for leftover in path.rglob("*.partial*"):  # of a write that was killed
             leftover.unlink()
-        damaged = damage.of(path)
-        if damaged:
+        if found.damaged:
             unfinished = _beside(path, "new")
             template(config, predicted_std, augmented_std, unfinished)
-            complain([damage.mend(path, unfinished, damaged)])
+            complain([damage.mend(path, unfinished, found.damaged)])
             shutil.rmtree(unfinished, ignore_errors=True)
         else:
             manifest.go_on(path, fingerprint(config))
@@ -89,20 +134,6 @@ def _opened(
     unfinished.rename(path)
     shutil.rmtree(replaced, ignore_errors=True)
     return zarr.open_group(path, mode="r+")
-
-
-def is_whole(config: Config) -> bool:
-    """Whether a campaign's store is there, undamaged and has all runs.
-
-    Raises
-    ------
-    DataError
-        As `open_store`, if something else is in the way.
-    """
-    path = Path(config.campaign.store)
-    if not path.exists() or not _is_same(config, path) or damage.of(path):
-        return False
-    return not len(pending(zarr.open_group(path, mode="r")))
 
 
 def _is_same(config: Config, path: Path) -> bool:
@@ -227,8 +258,10 @@ def _write(store: zarr.Group, config: Config, results: "list[tuple[list[int], Ba
             _array(store, name)[part] = getattr(outcome, name)
         if batch.exceptions:
             raised = {str(number): text for number, text in batch.exceptions.items()}
-            every = {**store.attrs.get("exceptions", {}), **raised}  # type: ignore[dict-item]
-            store.attrs["exceptions"] = {key: every[key] for key in sorted(every, key=int)}
+            every = json.loads(str(store.attrs.get(_EXCEPTIONS, "{}"))) | raised
+            store.attrs[_EXCEPTIONS] = json.dumps(
+                {key: every[key] for key in sorted(every, key=int)}
+            )
             manifest.sign(place)
         _array(store, "status")[part] = np.where(outcome.failed, FAILED, DONE).astype(np.int8)
     manifest.end(place)
@@ -293,13 +326,18 @@ def read(path: str | Path) -> xr.Dataset:
     if not place.exists():
         raise DataError(f"campaign store {path}: not found; make it with pipeline.simulate")
     _fingerprint_of(place)
-    damage.refuse(place)
+    files, damaged = manifest.load(place)
+    if damaged:
+        raise damage.error(place, damaged)
     try:
-        # a run counts from the moment its status says so, so that is read before its numbers are
-        status = np.asarray(_array(zarr.open_group(place, mode="r"), "status")[:])
-        campaign = xr.load_dataset(place, engine="zarr", consolidated=False, chunks=None)
-        campaign["status"][:] = status
+        # of what was verified, not of the disk again
+        memory = MemoryStore({key: Buffer.from_bytes(value) for key, value in files.items()})
+        campaign = xr.open_zarr(memory, consolidated=False, chunks=None).load()
         damage.refuse_nonsense(place, campaign)
+        for name in (*_TEXTS, _EXCEPTIONS):  # a store of before has them as they are
+            if isinstance(value := campaign.attrs.get(name), str):
+                campaign.attrs[name] = json.loads(value)
+        campaign.attrs["seed"] = int(campaign.attrs["seed"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise damage.error(place, [manifest.Damage("it", f"cannot be read ({error})")]) from None
     about = campaign.attrs["configuration"]

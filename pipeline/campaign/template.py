@@ -5,6 +5,7 @@ Chunks are a property of the number of runs alone, few enough to keep a store sm
 
 import hashlib
 import json
+import warnings
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 from zarr.codecs import Crc32cCodec, ZstdCodec
+from zarr.errors import ZarrUserWarning
 
 from inscal.parameters import COUNT, NAMES, UNITS
 from pipeline.campaign import manifest
@@ -43,6 +45,26 @@ def fingerprint(config: Config) -> str:
     settings = run_settings(resolved(config)) | {"runs": config.campaign.runs}
     text = json.dumps(settings, sort_keys=True) + source_digest()
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def attributes(config: Config) -> dict[str, Any]:
+    """What a dataset says of how it was made, in attributes that netCDF takes too.
+
+    Parameters
+    ----------
+    config : Config
+
+    Returns
+    -------
+    dict
+        `configuration` and `software` are JSON; a `seed` that 32 bits do not hold is text.
+    """
+    seed = config.campaign.seed
+    return {
+        "seed": seed if seed < 2**31 else str(seed),
+        "configuration": json.dumps(resolved(config)),
+        "software": json.dumps({name: version(name) for name in _SOFTWARE}),
+    }
 
 
 def template(
@@ -143,14 +165,14 @@ def template(
         attrs={
             "title": f"inscal campaign {Path(config.campaign.store).name}",
             "fingerprint": fingerprint(config),
-            "seed": config.campaign.seed,
-            "configuration": resolved(config),
-            "software": {name: version(name) for name in _SOFTWARE},
+            **attributes(config),
         },
     )
     dataset["run"].encoding["chunks"] = (runs,)
     for name in map(str, dataset.variables):
         dataset[name].encoding["compressors"] = (ZstdCodec(level=0), Crc32cCodec())
-    dataset.to_zarr(path, mode="w", compute=False, consolidated=False, zarr_format=3)
+    with warnings.catch_warnings():  # one file names all arrays, so that xarray opens it silently
+        warnings.simplefilter("ignore", ZarrUserWarning)
+        dataset.to_zarr(path, mode="w", compute=False, consolidated=True, zarr_format=3)
     manifest.sign(path)
     manifest.seal(path, fingerprint(config))

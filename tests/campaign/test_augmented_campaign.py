@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 import xarray as xr
-from campaigns import SHORT, assert_same_store, make, run_stage, short
+from campaigns import SHORT, assert_same_store, make, make_older, run_stage, short
 
 from inscal.parameters import AUGMENTATIONS
 from pipeline import predict, simulate, summarize
-from pipeline.campaign import judged, manifest, store
+from pipeline.campaign import judged, store
 from pipeline.campaign.course import history_dataset
 from pipeline.config.disturbance import key_of, unit_text
 from pipeline.config.load import load, resolved, unknown
@@ -76,10 +76,7 @@ def test_plain_stores_have_none_and_older_ones_are_read(tmp_path):
     path = make(tmp_path / "runs")
     assert not [name for name in store.read(path).variables if "augmented" in str(name)]
     assert "augmented" not in judged.summary_of(load([]), path).attrs
-    about = json.loads((path / "zarr.json").read_text())
-    del about["attributes"]["configuration"]["estimator"]["believed"]
-    (path / "zarr.json").write_text(json.dumps(about))
-    (path / manifest.NAME).unlink()  # nor had it one
+    make_older(path, "estimator", "believed")
     read = store.read(path).attrs["configuration"]
     assert read["estimator"]["believed"] == resolved(load([]))["estimator"]["believed"]
 

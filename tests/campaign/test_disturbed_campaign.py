@@ -6,10 +6,10 @@ import shutil
 import numpy as np
 import pytest
 import xarray as xr
-from campaigns import SHORT, assert_same_store, error_lines, make, run_stage, short
+from campaigns import SHORT, assert_same_store, error_lines, make, make_older, run_stage, short
 
 from pipeline import compare, simulate, summarize
-from pipeline.campaign import driver, manifest, store
+from pipeline.campaign import driver, store
 from pipeline.campaign.judged import summary_of
 from pipeline.config.load import load, resolved, run_settings
 
@@ -88,9 +88,6 @@ def test_a_summary_says_that_truth_is_disturbed(disturbed, short_store, tmp_path
 def test_a_store_older_than_disturbances_is_undisturbed(short_store, tmp_path):
     old = tmp_path / "old"
     shutil.copytree(short_store, old)
-    root = json.loads((old / "zarr.json").read_text())
-    del root["attributes"]["configuration"]["disturbance"]
-    (old / "zarr.json").write_text(json.dumps(root))
-    (old / manifest.NAME).unlink()  # nor had it one
+    make_older(old, "disturbance")
     configuration = store.read(old).attrs["configuration"]
     assert run_settings(configuration) == run_settings(resolved(load(SHORT)))

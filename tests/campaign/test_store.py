@@ -2,6 +2,7 @@
 
 import json
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -98,8 +99,20 @@ def test_attributes_say_all_that_made_the_store(path):
 def test_store_is_zarr_3_that_xarray_alone_can_open(path):
     make(path)
     assert json.loads((path / "zarr.json").read_text())["zarr_format"] == 3
-    with xr.open_zarr(path, consolidated=False) as dataset:
-        assert (dataset.status == store.DONE).all()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        dataset = xr.open_zarr(path)
+    assert (dataset.status == store.DONE).all()
+
+
+def test_netcdf_takes_what_xarray_opens(path):
+    make(path, f"campaign.seed={2**40 + 1}")
+    copy = path.with_suffix(".nc")
+    xr.open_zarr(path).to_netcdf(copy)
+    again = xr.load_dataset(copy)
+    assert (again.error == store.read(path).error).all()
+    assert int(again.attrs["seed"]) == 2**40 + 1
+    assert json.loads(again.attrs["configuration"])["campaign"]["seed"] == 2**40 + 1
 
 
 @pytest.mark.parametrize("runs", [1, 11, 12, 13, 100_000])

@@ -62,7 +62,7 @@ def campaign(python: Path | str, clone: Path, path: Path) -> xr.Dataset:
     """What a campaign finds that the Python given runs in a clone."""
     words = ["-m", "pipeline.simulate", "campaign.runs=64", f"campaign.store={path}"]
     subprocess.run([python, *words], cwd=clone, env=_alone(), check=True, capture_output=True)
-    return xr.open_zarr(path, consolidated=False).load()
+    return xr.open_zarr(path).load()
 
 
 def _alone() -> dict[str, str]:
