@@ -16,6 +16,7 @@ from pipeline.page import data as page_data
 from pipeline.page.charts import Rows, Spec
 from pipeline.page.data import Course
 from pipeline.page.parts import ENOUGH_TEXT, Picture, Section, kind_words, say
+from pipeline.page.places import apart, decades
 from pipeline.study import findings, honesty
 from pipeline.study import observability as observe
 from pipeline.study.campaign import Campaign
@@ -24,6 +25,7 @@ from pipeline.study.findings import ENOUGH, Summary
 
 _SMALL, _LARGE = 110, 150  # heights of histograms, in pixels
 _PLAIN = 1e4  # numbers from which on powers of ten are easier to read
+_LABEL = 0.09  # height of a label over that of a small chart
 _STAIRS = ("dwells alone", "turns on gyros and lever arms")
 
 
@@ -39,15 +41,14 @@ def distributions(campaign: Campaign) -> Section:
             found, style.label(index), _bound_text(campaign, index), units[index], _SMALL
         )
     least = findings.least_within(campaign.summary)
-    sentence = say(
-        "distributions",
-        runs=campaign.summary["runs_done"],
-        missed=1.0 - table[least]["share_within_bound"],
-        least=least,
-        beyond=beyond_view,
-        count=len(table),
-    )
-    return Section("distributions", pictures=[Picture(sentence, charts, "small")])
+    found = {
+        "runs": campaign.summary["runs_done"],
+        "missed": 1.0 - table[least]["share_within_bound"],
+        "least": least,
+    }
+    sentence = say("distributions", beyond=beyond_view, count=len(table), **found)
+    gist = say("distributions_gist", **found)
+    return Section("distributions", pictures=[Picture(sentence, charts, "small")], gist=gist)
 
 
 def _bound_text(campaign: Campaign, index: int) -> str:
@@ -77,7 +78,8 @@ def sigmas(campaigns: Sequence[Campaign]) -> Section:
     band = honesty.ratio_limits(fewest, max(map(findings.degrees_of_freedom, summaries)))
     sentence = say("ratios", band=band, fewest=fewest, campaigns=outside)
     spec = page_charts.ratios(rows, [campaign.name for campaign in campaigns], band)
-    return Section("sigma", pictures=[Picture(sentence, {"ratios": spec})])
+    gist = say("ratios_gist", campaigns=outside)
+    return Section("sigma", pictures=[Picture(sentence, {"ratios": spec})], gist=gist)
 
 
 def nees(campaigns: Sequence[Campaign]) -> Section:
@@ -102,14 +104,15 @@ def nees(campaigns: Sequence[Campaign]) -> Section:
         )
     disturbed = [campaign.name for campaign in campaigns if "disturbances" in campaign.summary]
     sentence = say("nees", campaigns=texts, disturbed=disturbed)
-    return Section("nees", pictures=[Picture(sentence, charts, "small wide")])
+    gist = say("nees_gist", campaigns=texts)
+    return Section("nees", pictures=[Picture(sentence, charts, "small wide")], gist=gist)
 
 
 def contest_section(
     comparisons: Sequence[tuple[str, Summary]], heading: str = "", left_out: str = ""
 ) -> Section:
     """Make the section of paired comparisons, each with its title."""
-    pictures = []
+    pictures, gists = [], []
     for number, (title, comparison) in enumerate(comparisons):
         rows = []
         for name, row in comparison["parameters"].items():
@@ -125,7 +128,9 @@ def contest_section(
             "contest", pairs=comparison["runs_paired"], verdict=findings.contest_verdict(result)
         )
         pictures.append(Picture(sentence, {f"contest-{number}": spec}))
-    return Section("schedules", pictures=pictures, left_out=left_out, heading=heading)
+        gists.append(findings.shares_text(result))
+    gist = gists[0] if gists else ""
+    return Section("schedules", pictures=pictures, left_out=left_out, heading=heading, gist=gist)
 
 
 def convergence(campaign: Campaign, course: Course) -> Section:
@@ -148,20 +153,35 @@ def convergence(campaign: Campaign, course: Course) -> Section:
             if row % 2 == 0 or row == len(course.time_s) - 1
         ]
         if rows:
-            spec = page_charts.convergence(rows, needed, kind_words(kind))
+            ends = _ends(own, share, float(course.time_s[-1]), needed)
+            spec = page_charts.convergence(rows, ends, needed, kind_words(kind))
             charts[f"convergence-{kind}"] = spec
-    sentence = say(
-        "convergence",
-        good=int(((share[-1] <= needed) & (share[-1] > 0.0)).sum()),
-        modelled=int((share[-1] > 0.0).sum()),
-        needed=needed,
-        enough=ENOUGH_TEXT,
-    )
+    found = {
+        "good": int(((share[-1] <= needed) & (share[-1] > 0.0)).sum()),
+        "modelled": int((share[-1] > 0.0).sum()),
+        "needed": needed,
+    }
     return Section(
         "convergence",
-        pictures=[Picture(sentence, charts, "small")],
+        pictures=[Picture(say("convergence", enough=ENOUGH_TEXT, **found), charts, "small")],
+        gist=say("convergence_gist", **found),
         lines=() if course.as_stored else (say("other_code"),),
     )
+
+
+def _ends(indices: Sequence[int], share: np.ndarray, time: float, needed: float) -> Rows:
+    """Names beside the ends of lines, so far apart that they can be read."""
+    shown = np.log(share[:, indices])
+    height = max(shown.max(), np.log(needed)) - min(shown.min(), np.log(needed))
+    places = np.exp(apart(shown[-1].tolist(), _LABEL * height))
+    return [
+        {
+            "label": NAMES[index].rsplit("_", 1)[1],
+            "time_s": time,
+            "share": page_data.rounded(float(place), 3),
+        }
+        for index, place in zip(indices, places, strict=True)
+    ]
 
 
 def observability(config: Config, wing: Claims | None) -> Section:
@@ -194,7 +214,8 @@ def observability(config: Config, wing: Claims | None) -> Section:
         {"ranks": page_charts.ranks(rows, series, STATES)},
     )
     share = observe.observability_of(Setup(config)).share
-    return Section("observability", pictures=(stairs, _share_picture(share)))
+    gist = say("ranks_gist", lasts=lasts, states=STATES)
+    return Section("observability", pictures=(stairs, _share_picture(share)), gist=gist)
 
 
 def _paper_ranks(config: Config, wing: Claims) -> Sequence[int]:
@@ -294,7 +315,7 @@ def _courses(course: Course, index: int, unit: str) -> dict[str, Spec]:
         sigma, error = course.sigma[number, :, index], course.error[number, :, index]
         if not sigma[-1] > 0.0:
             continue
-        ticks = page_charts.decades(2.0 * sigma[-1], max(sigma.max(), np.abs(error).max()))
+        ticks = decades(2.0 * sigma[-1], max(sigma.max(), np.abs(error).max()))
         rows = [
             {
                 "time_s": float(time),

@@ -8,17 +8,19 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import altair as alt
-import numpy as np
 
 from inscal.parameters import NAMES
+from pipeline.page.places import ratio_ticks
 
 Rows = Sequence[Mapping[str, Any]]
 Spec = dict[str, Any]
 
 BLUE, ORANGE, GREEN, PINK = "var(--blue)", "var(--orange)", "var(--green)", "var(--pink)"
 INK, QUIET, BAND = "var(--ink)", "var(--quiet)", "var(--band)"
+FOUND, PREDICTED = BLUE, PINK
+"""What runs show of the main campaign, and what its filter claims: the same in every chart."""
 
-_SERIES = [BLUE, ORANGE, GREEN, PINK]
+_SERIES = (FOUND, ORANGE, GREEN, QUIET)
 _SHAPES = ["circle", "diamond", "square", "triangle-up"]
 _DASHES = [[1, 0], [6, 3], [2, 2], [8, 2, 2, 2]]
 _TIME = alt.Scale(nice=False)
@@ -72,10 +74,12 @@ def _at(value: float, axis: str = "x", color: str = INK, dash: Sequence[int] = (
     return alt.Chart(_data([{}])).mark_rule(**mark).encode(**encoding)
 
 
-def _series(field: str, names: Sequence[str]) -> tuple[alt.Color, alt.Shape]:
+def _series(
+    field: str, names: Sequence[str], chosen: Sequence[str] = _SERIES
+) -> tuple[alt.Color, alt.Shape]:
     """Colour and shape of a few series, with one legend."""
     count, legend = len(names), alt.Legend(title=None) if len(names) > 1 else None
-    colors = [_SERIES[i % 4] for i in range(count)]
+    colors = [chosen[i % len(chosen)] for i in range(count)]
     shapes = [_SHAPES[(i + i // 4) % 4] for i in range(count)]
     return (
         alt.Color(f"{field}:N", scale=alt.Scale(domain=names, range=colors), legend=legend),
@@ -88,18 +92,21 @@ def _parameters(**axis: Any) -> alt.Y:
     return alt.Y("parameter:N", sort=list(NAMES), axis=alt.Axis(title=None, **axis))
 
 
-def _ratio(title: str) -> alt.X:
+def _ratio(title: str, rows: Rows) -> alt.X:
+    """Make an axis of ratios with intervals."""
+    ends = [1.0, *(row[end] for row in rows for end in ("lower", "upper"))]
+    ticks = ratio_ticks(min(ends), max(ends))
     return alt.X(
         "ratio:Q",
         scale=alt.Scale(type="log", nice=False, padding=8),
-        axis=alt.Axis(title=f"{title} (logarithmic)", format="~g"),
+        axis=alt.Axis(title=f"{title} (logarithmic)", format="~g", values=ticks),
     )
 
 
 def _histogram(bars: Rows, quantity: str) -> alt.Chart:
     return (
         alt.Chart(_data(bars))
-        .mark_rect(color=BLUE, opacity=0.75, tooltip=True)
+        .mark_rect(color=FOUND, opacity=0.75, tooltip=True)
         .encode(
             x=alt.X("from:Q"),
             x2="to:Q",
@@ -125,7 +132,7 @@ def distribution(found: Mapping[str, Any], title: str, below: str, unit: str, he
     y = alt.Y("runs:Q", axis=alt.Axis(title="runs", tickCount=3))
     layers: list[alt.Chart] = [_histogram(found["bars"], "error").encode(x=x, y=y)]
     if found["curve"]:
-        curve = alt.Chart(_data(found["curve"])).mark_line(color=ORANGE, strokeWidth=2)
+        curve = alt.Chart(_data(found["curve"])).mark_line(color=PREDICTED, strokeWidth=2)
         layers.append(curve.encode(x="error:Q", y="runs:Q"))
     if found["bound"] <= view:
         layers += [_at(sign * found["bound"]) for sign in (-1, 1)]
@@ -148,8 +155,8 @@ def correlation(rows: Rows, chance: float) -> Spec:
     ]
     band = alt.Chart(_data([{"low": -chance, "high": chance}])).mark_rect(color=BAND)
     base = alt.Chart(_data(rows))
-    bars = base.mark_bar(color=BLUE, opacity=0.75, height=8).encode(x=x, y=y, tooltip=tips)
-    claimed = base.mark_tick(color=ORANGE, thickness=3, height=12).encode(
+    bars = base.mark_bar(color=FOUND, opacity=0.75, height=8).encode(x=x, y=y, tooltip=tips)
+    claimed = base.mark_tick(color=PREDICTED, thickness=3, height=12).encode(
         x="filter:Q", y=y, tooltip=tips
     )
     return _spec(_sized(band.encode(x="low:Q", x2="high:Q") + bars + claimed, 15 * len(rows)))
@@ -166,15 +173,15 @@ def course(rows: Rows, ticks: Sequence[float], linear: float, title: str, unit: 
     y = alt.Y("low:Q", scale=scale, axis=axis)
     x = alt.X("time_s:Q", scale=_TIME, axis=alt.Axis(title="time, s", grid=False, tickCount=5))
     base = alt.Chart(_data(rows)).transform_calculate(low="-datum.sigma")
-    band = base.mark_area(color=ORANGE, opacity=0.3, line=False).encode(x=x, y=y, y2="sigma:Q")
-    line = base.mark_line(color=BLUE, strokeWidth=1.5).encode(x=x, y=alt.Y("error:Q"))
+    band = base.mark_area(color=PREDICTED, opacity=0.3, line=False).encode(x=x, y=y, y2="sigma:Q")
+    line = base.mark_line(color=FOUND, strokeWidth=1.5).encode(x=x, y=alt.Y("error:Q"))
     return _spec(_sized(band + line, 125, _title(title)))
 
 
 def ratios(rows: Rows, series: Sequence[str], limits: tuple[float, float]) -> Spec:
     """RMSE over predicted sigma, a row per parameter, with intervals and a band of limits."""
     color, shape = _series("campaign", series)
-    x, y = _ratio("RMSE over predicted sigma"), _parameters(grid=True)
+    x, y = _ratio("RMSE over predicted sigma", rows), _parameters(grid=True)
     offset = alt.YOffset("campaign:N", sort=list(series))
     base = alt.Chart(_data(rows))
     tips = [
@@ -212,14 +219,14 @@ def nees(found: Mapping[str, Any], title: str, below: str) -> Spec:
         axis=alt.Axis(title="NEES of a run", grid=False),
     )
     bars = _histogram(found["bars"], "NEES").encode(x=x)
-    curve = alt.Chart(_data(found["curve"])).mark_line(color=ORANGE, strokeWidth=2)
+    curve = alt.Chart(_data(found["curve"])).mark_line(color=PREDICTED, strokeWidth=2)
     curve = curve.encode(x="nees:Q", y=alt.Y("runs:Q", axis=alt.Axis(title="runs")))
     return _spec(_sized(bars + curve, 230, _title(title, below)))
 
 
 def contest(rows: Rows, title: str, below: Sequence[str]) -> Spec:
     """RMSE ratio of two campaigns, a row per parameter, with intervals that hold for all."""
-    x, y = _ratio("RMSE ratio"), _parameters(grid=True)
+    x, y = _ratio("RMSE ratio", rows), _parameters(grid=True)
     words = ["worse", "no difference shown", "better"]
     scale = alt.Scale(domain=words, range=[ORANGE, QUIET, GREEN])
     shapes = alt.Scale(domain=words, range=["triangle-right", "circle", "triangle-left"])
@@ -240,13 +247,13 @@ def contest(rows: Rows, title: str, below: Sequence[str]) -> Spec:
         base.mark_point(filled=True, size=60, opacity=1).encode(
             x=x, y=y, color=color, shape=shape, tooltip=tips
         ),
-        base.mark_tick(color=PINK, thickness=2, height=14).encode(x="predicted:Q", y=y),
+        base.mark_tick(color=PREDICTED, thickness=2, height=14).encode(x="predicted:Q", y=y),
     ]
     return _spec(_sized(alt.layer(*layers), _height(rows, [""]), _title(title, below)))
 
 
-def convergence(rows: Rows, needed: float, title: str) -> Spec:
-    """Predicted sigma over bound, a line per parameter of a kind, over time."""
+def convergence(rows: Rows, ends: Rows, needed: float, title: str) -> Spec:
+    """Predicted sigma over bound, a line per parameter of a kind, over time, named at its end."""
     x = alt.X("time_s:Q", scale=_TIME, axis=alt.Axis(title="time, s", grid=False, tickCount=4))
     y = alt.Y(
         "share:Q",
@@ -258,14 +265,16 @@ def convergence(rows: Rows, needed: float, title: str) -> Spec:
         alt.Tooltip("time_s:Q"),
         alt.Tooltip("share:Q", format=".3g", title="sigma over bound"),
     ]
-    lines = alt.Chart(_data(rows)).mark_line(color=BLUE, strokeWidth=1.5)
+    lines = alt.Chart(_data(rows)).mark_line(color=PREDICTED, strokeWidth=1.5)
     lines = lines.encode(x=x, y=y, detail="parameter:N", tooltip=tips)
-    return _spec(_sized(_at(needed, "y") + lines, 150, _title(title)))
+    labels = alt.Chart(_data(ends)).mark_text(align="left", dx=4, fontSize=11)
+    labels = labels.encode(x="time_s:Q", y="share:Q", text="label:N")
+    return _spec(_sized(_at(needed, "y") + lines + labels, 150, _title(title)))
 
 
 def ranks(rows: Rows, series: Sequence[str], states: int) -> Spec:
     """Rank after each position, a staircase per convention."""
-    color, shape = _series("by", series)
+    color, shape = _series("by", series, (INK, FOUND, QUIET))
     dash = alt.StrokeDash(
         "by:N",
         scale=alt.Scale(domain=series, range=[_DASHES[i % 4] for i in range(len(series))]),
@@ -297,7 +306,7 @@ def shares(rows: Rows) -> Spec:
     """Sigma over initial sigma after each position, a row per parameter."""
     color = alt.Color(
         "share:Q",
-        scale=alt.Scale(type="log", scheme="viridis", reverse=True),
+        scale=alt.Scale(type="log", scheme="viridis"),  # dark: known, as in the figures
         legend=alt.Legend(
             title="sigma over initial sigma (logarithmic)", format="~g", titleLimit=320
         ),
@@ -325,11 +334,11 @@ def scattered(
     order: Sequence[str],
     series: Sequence[str],
     axis: str,
-    log: bool = True,
+    colors: Sequence[str] = _SERIES,
 ) -> Spec:
     """Points of a few series on one row per `field`, against a line at 1."""
-    color, shape = _series("series", series)
-    scale = alt.Scale(type="log", nice=False, padding=12) if log else alt.Scale(zero=False)
+    color, shape = _series("series", series, colors)
+    scale = alt.Scale(type="log", nice=False, padding=12)
     x = alt.X("value:Q", scale=scale, axis=alt.Axis(title=axis, format="~g"))
     y = alt.Y(f"{field}:N", sort=list(order), axis=alt.Axis(title=None, grid=True))
     base = alt.Chart(_data(rows))
@@ -358,7 +367,7 @@ def history(rows: Rows, band: tuple[float, float], expected: float, title: str) 
     base = alt.Chart(_data(rows))
     words = ["baseline", "this campaign"]
     scales = (
-        alt.Scale(domain=words, range=[BLUE, ORANGE]),
+        alt.Scale(domain=words, range=[QUIET, FOUND]),
         alt.Scale(domain=words, range=["circle", "diamond"]),
     )
     points = base.mark_point(filled=True, size=80, opacity=1).encode(
@@ -377,10 +386,3 @@ def history(rows: Rows, band: tuple[float, float], expected: float, title: str) 
     line = base.mark_line(color=QUIET, strokeWidth=1).encode(x=x, y=y)
     layers = alt.layer(shade, _at(expected, "y"), line, points)
     return _spec(_sized(layers, 130, _title(title)))
-
-
-def decades(smallest: float, largest: float) -> list[float]:
-    """Up to three powers of ten between two sizes, for the ticks of a logarithmic axis."""
-    low, high = int(np.ceil(np.log10(smallest))), int(np.floor(np.log10(largest)))
-    step = max(1, -(-(high - low) // 2))
-    return [float(f"1e{power}") for power in range(low, high + 1, step)]

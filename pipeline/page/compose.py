@@ -85,7 +85,7 @@ def study(config: Config) -> Page:
     every = page_data.read_campaigns(config, [names.RUNS / n for n in names.CAMPAIGNS])
     by_name = {campaign.name: campaign for campaign in every}
     main, one_pass = by_name[names.MAIN], by_name[names.ONE_PASS]
-    levels = [by_name[name] for name in names.MAIN_LEVELS]
+    levels = [main, *(by_name[name] for name in names.MAIN_LEVELS if name != names.MAIN)]
     comparisons = [
         (title, findings.read_comparison(name)) for name, title in names.COMPARISONS.items()
     ]

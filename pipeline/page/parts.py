@@ -30,7 +30,8 @@ _SECTIONS = {
     "provenance": ("Provenance", "Provenance"),
 }
 """Sections in their order, by name: how the list of sections calls them, and their heading."""
-
+_SHOWN = ("verdict", "assumptions")
+"""Sections that are not folded."""
 
 ENOUGH_TEXT = f"{100 * ENOUGH:g} %"
 """Share of runs in which a bound must hold."""
@@ -82,6 +83,8 @@ class Table:
         Id of a table that can be sorted and filtered; empty for a plain one.
     folded : bool
         Whether it is shown on demand only.
+    whole : bool
+        Whether its cells are kept on one line, as those of a table with a name.
     """
 
     caption: str
@@ -90,6 +93,7 @@ class Table:
     left: int = 1
     name: str = ""
     folded: bool = False
+    whole: bool = False
 
 
 @dataclass(frozen=True)
@@ -128,6 +132,8 @@ class Section:
         Texts shown on demand, by their titles.
     heading : str
         If not the usual one.
+    gist : str
+        What it says, in a few words: all that is shown of it until it is unfolded.
     """
 
     name: str
@@ -137,11 +143,17 @@ class Section:
     left_out: str = ""
     preformatted: Mapping[str, str] = field(default_factory=dict)
     heading: str = ""
+    gist: str = ""
 
     @property
     def title(self) -> str:
         """Heading of the section."""
         return self.heading or _SECTIONS[self.name][1]
+
+    @property
+    def folded(self) -> bool:
+        """Whether it is shown on demand only."""
+        return self.name not in _SHOWN
 
     @property
     def short(self) -> str:

@@ -30,7 +30,7 @@ def noise(campaigns: Sequence[Campaign], wing: Claims | None) -> Section:
     Parameters
     ----------
     campaigns : sequence of Campaign
-        That differ in their noise alone; the picture needs two.
+        That differ in their noise alone, the main one first; the picture needs two.
     wing : Claims or None
         Has the margins, if there is any.
 
@@ -38,34 +38,46 @@ def noise(campaigns: Sequence[Campaign], wing: Claims | None) -> Section:
     -------
     Section
     """
-    pictures = []
+    pictures, gist = [], ""
     if len(campaigns) > 1:
-        pictures.append(_noise_picture(campaigns))
+        picture, gist = _noise_picture(campaigns)
+        pictures.append(picture)
     if wing:
         pictures.append(_margin_picture(wing.margins, wing.largest_noise))
-    return Section("noise", pictures=pictures, left_out="" if pictures else say("no_levels"))
+        gist = gist or say("margins_gist", **_failing(wing.margins))
+    left_out = "" if pictures else say("no_levels")
+    return Section("noise", pictures=pictures, left_out=left_out, gist=gist)
 
 
-def _noise_picture(campaigns: Sequence[Campaign]) -> Picture:
-    rows, texts = [], []
+def _failing(margins: Mapping[str, Mapping[str, float]]) -> dict[str, int]:
+    """Count the kinds that bear less than the configured noise of the gyros."""
+    return {"failing": sum(row["gyro"] < 1.0 for row in margins.values()), "count": len(margins)}
+
+
+def _noise_picture(campaigns: Sequence[Campaign]) -> tuple[Picture, str]:
+    """The picture, and what it says in a few words."""
+    rows, texts, sizes = [], [], {}
     for campaign in campaigns:
-        table, inside = campaign.summary["parameters"], 0
+        table, found = campaign.summary["parameters"], []
         for kind in KINDS:
             own = [table[NAMES[index]] for index in members(kind)]
-            worst = max(row[_QUANTILE] / row["bound"] for row in own)
-            inside += worst <= 1.0
+            found.append(max(row[_QUANTILE] / row["bound"] for row in own))
             label = {"kind": kind_words(kind), "series": campaign.name, "label": ""}
-            rows.append(label | {"value": rounded(worst)})
-        texts.append((campaign.name, inside))
+            rows.append(label | {"value": rounded(found[-1])})
+        texts.append((campaign.name, sum(worst <= 1.0 for worst in found)))
+        sizes[campaign.name] = sum(found)
+    main, *others = sizes
     spec = page_charts.scattered(
         rows,
         field="kind",
         order=[kind_words(kind) for kind in KINDS],
-        series=[campaign.name for campaign in campaigns],
+        # the main one's colour is its own everywhere, worse ones are orange and better ones green
+        series=[main, *sorted(others, key=lambda name: -sizes[name])],
         axis="|error| of 99.7 % / bound",
     )
     sentence = say("noise", campaigns=texts, kinds=len(KINDS))
-    return Picture(sentence, {"noise": spec})
+    gist = say("noise_gist", campaigns=texts, kinds=len(KINDS))
+    return Picture(sentence, {"noise": spec}), gist
 
 
 def _margin_picture(margins: Mapping[str, Mapping[str, float]], largest: float) -> Picture:
@@ -84,6 +96,7 @@ def _margin_picture(margins: Mapping[str, Mapping[str, float]], largest: float) 
         order=[kind_words(kind) for kind in margins],
         series=list(_LIMITS.values()),
         axis="largest noise / configured noise",
+        colors=(page_charts.PREDICTED, page_charts.QUIET),
     )
     least = min(margins, key=lambda kind: margins[kind]["gyro"])
     sentence = say(
@@ -91,8 +104,7 @@ def _margin_picture(margins: Mapping[str, Mapping[str, float]], largest: float) 
         enough=ENOUGH_TEXT,
         least=kind_words(least),
         tight=margins[least]["gyro"],
-        failing=sum(row["gyro"] < 1.0 for row in margins.values()),
-        count=len(margins),
+        **_failing(margins),
     )
     return Picture(sentence, {"margins": spec})
 
@@ -135,9 +147,11 @@ def paper_section(wing: Claims) -> Section:
         rows = [[*cells(row[:-1]), Cell(row[-1], look=look(row[-1]))] for row in page.rows]
         tables.append(Table(page.title, page.headings, rows, len(page.headings)))
     counts = ", ".join(f"{words[word]} {word}" for word in (MET, NOT_MET, UNDECIDED))
+    judged = {"total": words.total(), "counts": counts}
     return Section(
         "paper",
-        lines=(say("judged", total=words.total(), counts=counts),),
+        lines=(say("judged", **judged),),
+        gist=say("judged_gist", **judged),
         pictures=[_paper_picture(wing.estimates)],
         tables=[*tables, _table_3(wing.estimates)],
     )
@@ -158,6 +172,7 @@ def _paper_picture(table: Mapping[str, Mapping[str, float]]) -> Picture:
         order=list(NAMES),
         series=series,
         axis="error / the paper's bound",
+        colors=(page_charts.QUIET, page_charts.FOUND),
     )
     sentence = say(
         "one_run",
@@ -233,7 +248,9 @@ def accuracy_history(rows: Sequence[history.Row], campaign: Campaign, config: Co
         ],
         2,
     )
-    return Section("history", pictures=[Picture(sentence, charts, "small")], tables=[table])
+    pictures = [Picture(sentence, charts, "small")]
+    gist = say("history_gist", now=now, last=last)
+    return Section("history", pictures=pictures, tables=[table], gist=gist)
 
 
 def _states(

@@ -18,6 +18,10 @@ from pipeline.study.verdict import MET, NOT_MET, UNDECIDED
 from pipeline.words import markdown as md
 
 NOT_ESTIMATED = "not estimated"
+_HEADINGS = (  # verdicts first, in view on a phone too
+    *("parameter", "bound met?", "sigma honest?", "unit", "bound", "RMSE"),
+    *("predicted sigma", "RMSE / predicted", "within bound"),
+)
 
 _LOOKS = {
     **{MET: GOOD, NOT_MET: BAD, UNDECIDED: OPEN},
@@ -55,19 +59,23 @@ def section(campaign: Campaign) -> Section:
     Section
     """
     summary = campaign.summary
-    rows, needed = summary["parameters"], findings.asked(summary, "each")
-    words = Counter(bound_word(row, needed) for row in rows.values())
+    needed = findings.asked(summary, "each")
+    rows = [
+        _row(summary, name, unit, needed) for name, unit in zip(NAMES, units(campaign), strict=True)
+    ]
+    exceptions = [row for row in rows if [cell.look for cell in row[1:3]] != [GOOD, GOOD]]
+    words = Counter(row[1].text for row in rows)
     runs, modelled = summary["runs_done"], findings.degrees_of_freedom(summary)
     counts = ", ".join(f"{words[word]} {word}" for word in (MET, NOT_MET, UNDECIDED))
+    count = {"exceptions": len(exceptions), "count": len(rows)}
+    caption = say("all_parameters", name=campaign.name, runs=converged(summary), **count)
+    few = len(exceptions) < len(rows)
+    every = Table(caption, _HEADINGS, rows, 4, name="parameters", folded=few)
+    first = Table(say("exceptions", **count), _HEADINGS, exceptions, 4, whole=True)
     return Section(
         "verdict",
         lines=(
-            say(
-                "one_by_one",
-                count=len(rows),
-                counts=counts,
-                enough=f"{100 * needed:g} %",
-            ),
+            say("one_by_one", count=len(rows), counts=counts, enough=f"{100 * needed:g} %"),
             say(
                 "sigma_honest",
                 limits=honesty.ratio_limits(runs, modelled),
@@ -78,36 +86,11 @@ def section(campaign: Campaign) -> Section:
                 runs=runs,
             ),
         ),
-        tables=(
-            Table(
-                f"{campaign.name}: {converged(summary)}, in parentheses 95 % intervals",
-                (
-                    # verdicts first, in view on a phone too
-                    *("parameter", "bound met?", "sigma honest?", "unit", "bound", "RMSE"),
-                    *("predicted sigma", "RMSE / predicted", "within bound"),
-                ),
-                [
-                    _row(summary, name, unit)
-                    for name, unit in sorted(
-                        zip(NAMES, units(campaign), strict=True),
-                        key=lambda pair: not _is_exception(summary, pair[0]),
-                    )
-                ],
-                4,
-                name="parameters",
-            ),
-        ),
+        tables=(first, every) if few and exceptions else (every,),
     )
 
 
-def _is_exception(summary: Summary, name: str) -> bool:
-    """Whether a parameter's bound is not met, or its sigma not honest; such rows come first."""
-    needed = findings.asked(summary, "each")
-    row = summary["parameters"][name]
-    return bound_word(row, needed) != MET or sigma_verdict(summary, name) != HONEST
-
-
-def _row(summary: Summary, name: str, unit: str) -> list[Cell]:
+def _row(summary: Summary, name: str, unit: str, needed: float) -> list[Cell]:
     row = summary["parameters"][name]
     ratio, share = row["rmse_over_predicted"], row["share_within_bound"]
     if math.isfinite(ratio):
@@ -116,7 +99,7 @@ def _row(summary: Summary, name: str, unit: str) -> list[Cell]:
     else:
         ratio_cell = Cell("–", -1.0)
     within = md.share(share, row["share_within_bound_lower"], row["share_within_bound_upper"])
-    bound = bound_word(row, findings.asked(summary, "each"))
+    bound = bound_word(row, needed)
     sigma = sigma_verdict(summary, name)
     return [
         Cell(name, parameter=name),

@@ -274,6 +274,12 @@ def shares(result: Contest) -> dict[str, Any]:
     }
 
 
+def shares_text(result: Contest) -> str:
+    """Say which campaign keeps all bounds more often; nothing where that was not compared."""
+    found = shares(result)
+    return sentence(TEMPLATES, "contest_shares", **found) if found["first"] else ""
+
+
 def time_text(result: Contest) -> str:
     """Say what `a` costs in time next to `b`."""
     saved = result.time_saved_percent

@@ -50,15 +50,18 @@ def until(condition):
     return found
 
 
-def opened(browser, address, width=1280, scheme="light"):
-    """Open the page and wait until it is drawn."""
+def opened(browser, address, width=1280, scheme="light", unfold=True):
+    """Open the page and wait until all that is unfolded is drawn."""
     size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
     browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     look = {"features": [{"name": "prefers-color-scheme", "value": scheme}]}
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", look)
+    browser.get("about:blank")
     browser.get(address)
-    undrawn = "return document.querySelectorAll('[data-chart]:not(:has(svg))').length === 0"
-    until(lambda: browser.execute_script(undrawn))
+    if unfold:
+        browser.execute_script("document.querySelectorAll('details').forEach((d) => d.open = true)")
+        undrawn = "return document.querySelectorAll('[data-chart]:not(:has(svg))').length === 0"
+        until(lambda: browser.execute_script(undrawn))
     until(lambda: browser.find_elements(By.CSS_SELECTOR, ".dt-search input"))
     return browser
 
@@ -79,6 +82,36 @@ def test_page_fits_and_every_section_is_shown(browser, address, width, scheme):
         assert section.is_displayed()
         assert section.size["height"] > 40
     assert browser.execute_script("return performance.getEntriesByType('resource')") == []
+
+
+def folded(browser):
+    return browser.find_elements(By.CSS_SELECTOR, "details.section:not([open])")
+
+
+def test_on_a_phone_it_is_short_and_the_verdicts_are_in_view(browser, address):
+    opened(browser, address, 390, unfold=False)
+    assert browser.execute_script("return document.documentElement.scrollHeight") < 10 * 844
+    assert browser.find_elements(By.CSS_SELECTOR, ".chart svg") == []
+    for cell in browser.find_elements(By.CSS_SELECTOR, "#parameters tbody th"):
+        assert cell.rect["height"] < 40  # its name is on one line
+    verdict = browser.find_element(By.CSS_SELECTOR, "tbody td").rect
+    assert verdict["x"] + verdict["width"] <= 390
+    for gist in browser.find_elements(By.CSS_SELECTOR, ".gist"):
+        assert gist.text
+
+
+def test_sections_unfold_by_link_and_all_at_once_each_chart_with_its_own_text(browser, address):
+    opened(browser, address, unfold=False)
+    count = len(folded(browser))
+    browser.find_element(By.CSS_SELECTOR, "a[href='#nees']").click()
+    until(lambda: len(folded(browser)) == count - 1)
+    until(lambda: browser.find_elements(By.CSS_SELECTOR, "#nees svg"))
+    browser.find_element(By.CSS_SELECTOR, "[data-unfold]").click()
+    assert folded(browser) == []
+    charts = browser.find_elements(By.CSS_SELECTOR, "[data-chart]")
+    until(lambda: all(chart.get_attribute("aria-label") for chart in charts))
+    texts = [chart.get_attribute("aria-label") for chart in charts]
+    assert len({*texts}) == len(texts) > 27
 
 
 def channels(color):

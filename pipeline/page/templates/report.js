@@ -2,13 +2,31 @@ const report = JSON.parse(document.getElementById("report-data").textContent);
 const options = { actions: false, renderer: "svg", mode: "vega-lite", ast: true,
   config: report.theme };
 
-const draw = (element, name) => vegaEmbed(element, {
-  description: element.closest("figure").querySelector("figcaption").textContent.trim(),
-  ...report.charts[name] }, options);
+// alternative text: the chart's own title, and what its figure says
+const draw = (element, name) => {
+  const { text, subtitle } = report.charts[name].title ?? {};
+  const caption = element.closest("figure").querySelector("figcaption").textContent.trim();
+  const description = [text, subtitle, caption].flat().filter(Boolean).join(". ");
+  return vegaEmbed(element, { description, ...report.charts[name] }, options);
+};
 
-for (const element of document.querySelectorAll("[data-chart]")) {
-  draw(element, element.dataset.chart);
-}
+// a folded chart has no width: it is drawn when it is shown
+const drawn = new Set();
+const drawShown = () => {
+  for (const element of document.querySelectorAll("[data-chart]")) {
+    if (drawn.has(element) || element.closest("details:not([open])")) continue;
+    drawn.add(element);
+    draw(element, element.dataset.chart);
+  }
+};
+const sections = [...document.querySelectorAll("details.section")];
+const unfold = (chosen) => { for (const section of chosen) section.open = true; drawShown(); };
+const unfoldTarget = () => unfold(sections.filter((s) => `#${s.parentElement.id}` === location.hash));
+
+document.addEventListener("toggle", drawShown, true);
+addEventListener("hashchange", unfoldTarget);
+addEventListener("beforeprint", () => unfold(sections));
+unfoldTarget();
 
 const dialog = document.getElementById("panel");
 const names = Object.keys(report.panels);
@@ -33,6 +51,8 @@ const step = (by) => open(names[(names.indexOf(shown) + by + names.length) % nam
 
 document.addEventListener("click", ({ target }) => {
   if (target.dataset.parameter) open(target.dataset.parameter);
+  if ("unfold" in target.dataset) unfold(sections);
+  if (target.hash === location.hash) unfoldTarget();
   if (target.dataset.step) step(Number(target.dataset.step));
   if (target === dialog || "close" in target.dataset) dialog.close();
 });
