@@ -22,6 +22,7 @@ from campaigns import SHORT, assert_same_store, make
 from place import folder_of_its_own
 
 RUNS = "campaign.runs=1500"
+_REPRO = [sys.executable, "-m", "dvc", "repro"]
 _START_S, _WHOLE_S = 1.0, 8.0
 _STUDY = """stages:
   simulate:
@@ -95,24 +96,35 @@ def kill_starting_worker(running: subprocess.Popen, rng: random.Random) -> None:
         os.kill(pid, signal.SIGKILL)
 
 
+def start_second(running: subprocess.Popen, rng: random.Random) -> None:
+    """Nothing is killed: a second `dvc repro` in the same folder, at any moment."""
+    place = Path(f"/proc/{running.pid}/cwd").resolve()
+    time.sleep(rng.uniform(0.0, _WHOLE_S))
+    second = started(_REPRO, place)
+    said = second.communicate(timeout=300)[0]
+    if "Traceback" in said:
+        raise SystemExit(said)
+
+
 VICTIMS: dict[str, Callable[[subprocess.Popen, random.Random], None]] = {
     "driver": kill_driver,
     "group": kill_group,
     "worker": kill_worker,
     "starting_worker": kill_starting_worker,
     "dvc": kill_group,
+    "second_dvc": start_second,
 }
 
 
 def words_of(victim: str, place: Path) -> list[str]:
     """Command to be killed, in a folder made for it."""
-    if victim != "dvc":
+    if "dvc" not in victim:
         return command()
     quoted = " ".join(f"'{word}'" for word in command())
     (place / "dvc.yaml").write_text(_STUDY.format(command=quoted, python=sys.executable))
     for start in (["git", "init", "-q"], [sys.executable, "-m", "dvc", "init", "-q"]):
         subprocess.run(start, cwd=place, check=True, capture_output=True)
-    return [sys.executable, "-m", "dvc", "repro"]
+    return _REPRO
 
 
 def tried(victim: str, good: Path, rng: random.Random) -> str:
