@@ -52,19 +52,19 @@ def print_summary(summary: xr.Dataset) -> None:
     show(f"{summary.attrs['campaign']}, {done + failed} runs", table)
     data = json_data(as_json(summary))
     say(headline(data))
-    print(
-        f"of the {done} runs that converged: NEES mean {number(float(summary.nees_mean))}, "
+    say(
+        f"NEES mean {number(float(summary.nees_mean))} of {done} runs that converged, "
         f"consistent if in {float(summary.nees_lower):.2f} ... {float(summary.nees_upper):.2f}"
     )
     for part in told(data).splitlines():
         if part != honesty(data):  # which the headline says
             say(part)
-    print(
+    say(
         f"every RMSE known to {100 * float(summary.precision):.1f} % or better, that of "
         f"{summary.least_precise.item()} worst"
     )
     for line in findings.run_lines(summary.attrs):
-        print(line)
+        say(line)
     if rows := summary.attrs.get("augmented"):
         keys = ("bias", "rmse", "predicted_std", "rmse_over_predicted")
         cells = [(k, r["unit"], *(f"{r[key]:.3g}" for key in keys)) for k, r in rows.items()]

@@ -1,14 +1,14 @@
-"""Tables on the terminal: never wider than a usual window, whatever the window."""
+"""Tables on the terminal: never wider than the narrowest usual window, whatever the window."""
 
 import textwrap
 from collections.abc import Iterable, Sequence
 
 from rich import box
 from rich.console import Console
-from rich.table import Table
+from rich.table import Column, Table
 
-WIDTH = 100
-"""Columns of the widest line; what does not fit in a table is in the stage's files."""
+WIDTH = 80
+"""Columns of the widest line."""
 
 
 def new_table(left: tuple[str, ...], right: tuple[str, ...], gap: int = 2) -> Table:
@@ -41,10 +41,43 @@ class _Console(Console):
 
 
 def show(title: str, table: Table) -> None:
-    """Print a title and a table on standard output."""
-    needed = Console(width=10 * WIDTH).measure(table).maximum
+    """Print a title and a table on standard output, folded where it is too wide for one."""
     print(title)
-    _Console(width=max(WIDTH, needed)).print(table)  # rather too wide than with numbers cut off
+    for part in _folded(table):
+        _Console(width=max(WIDTH, _width(part))).print(part)
+
+
+def _folded(table: Table) -> list[Table]:
+    """Tables that fit, each with the first column and some of the others."""
+    parts = _parts(table, WIDTH)
+    if len(parts) == 1:
+        return [table]
+    even = next(room for room in range(WIDTH + 1) if len(_parts(table, room)) <= len(parts))
+    return _parts(table, even)
+
+
+def _parts(table: Table, room: int) -> list[Table]:
+    """As many columns in each table as there is room for, one at least beside the first."""
+    first, *others = table.columns
+    parts: list[list[Column]] = [[first]]
+    for column in others:
+        if len(parts[-1]) > 1 and _width(_of(table, [*parts[-1], column])) > room:
+            parts.append([first])
+        parts[-1].append(column)
+    return [_of(table, part) for part in parts]
+
+
+def _of(table: Table, columns: Sequence[Column]) -> Table:
+    out = Table(box=table.box, padding=table.padding)
+    for column in columns:
+        out.add_column(column.header, justify=column.justify, no_wrap=True)
+    for row in zip(*(column.cells for column in columns), strict=True):
+        out.add_row(*row)
+    return out
+
+
+def _width(table: Table) -> int:
+    return Console(width=100 * WIDTH).measure(table).maximum
 
 
 def show_rows(

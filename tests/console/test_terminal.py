@@ -28,7 +28,7 @@ STAGES = {
     for path in sorted(_FILES)
     if "\n@stage" in path.read_text()
 }
-WIDTH, LENGTH = 100, 40
+HELP, WIDTH, LENGTH = 100, 80, 40
 
 
 def stage_help(name):
@@ -49,7 +49,7 @@ def test_help_is_short_and_begins_with_what_the_stage_does(name):
     assert lines[0].startswith(f"{name}: ")
     assert f"python -m pipeline.{name}" in stage_help(name)
     assert len(lines) <= LENGTH
-    assert max(map(len, lines)) <= WIDTH
+    assert max(map(len, lines)) <= HELP
 
 
 @pytest.mark.parametrize("name", STAGES)
@@ -149,7 +149,7 @@ def widths(text):
 
 
 @pytest.mark.parametrize("columns", ["40", "250"])
-def test_tables_fit_a_window_of_100_columns_and_cut_nothing_off(folder, monkeypatch, columns):
+def test_tables_fit_a_window_of_80_columns_and_cut_nothing_off(folder, monkeypatch, columns):
     monkeypatch.setenv("COLUMNS", columns)
     outputs = {
         "summarize": run_stage(summarize, "campaign.store=two_pass").out,
@@ -167,13 +167,14 @@ def test_tables_fit_a_window_of_100_columns_and_cut_nothing_off(folder, monkeypa
         assert "…" not in out, name
         for parameter in NAMES:
             assert any(f" {parameter} " in line for line in out.splitlines()), name
-    for name in ("summarize", "compare", "predict"):
-        # a line per parameter: nothing wraps
+    for name, parts in {"summarize": 2, "compare": 1, "predict": 1}.items():
+        # a line per parameter in each part of the table: nothing wraps
         rows = [line.split() for line in outputs[name].splitlines()]
-        assert [row[0] for row in rows if row and row[0] in NAMES] == list(NAMES)
+        assert [row[0] for row in rows if row and row[0] in NAMES] == parts * list(NAMES)
     for name in ("summarize", "predict"):
         rows = [line.split() for line in outputs[name].splitlines()]
-        assert [row[1] for row in rows if row and row[0] in NAMES] == list(UNITS)
+        units = [row[1] for row in rows if row and row[0] in NAMES]
+        assert units[: len(UNITS)] == list(UNITS)
 
 
 # progress
