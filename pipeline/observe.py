@@ -35,7 +35,7 @@ from pipeline.study.observability import (
     tied_text,
 )
 
-_FEW = 8  # positions in the table of sigmas
+_FEW = 6  # positions whose sigmas fit a window
 
 
 def print_ranks(config: Config) -> None:

@@ -230,7 +230,7 @@ def test_summarize_counts_failed_runs(campaigns):
     assert f"{len(failed)} runs ({share}) did not converge and miss every bound" in " ".join(
         ended.out.split()
     )
-    assert f"of the {30 - len(failed)} runs that converged: NEES mean" in ended.out
+    assert f"of {30 - len(failed)} runs that converged, consistent if in" in ended.out
 
 
 def test_summarize_an_unfinished_campaign_says_so(tmp_path):

@@ -9,6 +9,7 @@ from rich.table import Column, Table
 
 WIDTH = 80
 """Columns of the widest line."""
+_NO_BREAK = "\N{NO-BREAK SPACE}%"
 
 
 def new_table(left: tuple[str, ...], right: tuple[str, ...], gap: int = 2) -> Table:
@@ -92,7 +93,9 @@ def show_rows(
 
 def say(text: str, indent: str = "") -> None:
     """Print a paragraph on standard output, its second and later lines indented."""
-    print(textwrap.fill(text, WIDTH, subsequent_indent=indent, break_long_words=False))
+    whole = text.replace(" %", _NO_BREAK)
+    lines = textwrap.fill(whole, WIDTH, subsequent_indent=indent, break_long_words=False)
+    print(lines.replace(_NO_BREAK, " %"))
 
 
 def show_augmented(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
