@@ -1,7 +1,7 @@
 """What the gate has found, for people, for pull requests and for machines."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ class Told:
 
     name: str
     judgement: Judgement
-    lines: list[str] = field(default_factory=list)
+    lines: list[str]
 
 
 @dataclass(frozen=True)
