@@ -257,7 +257,7 @@ def nees(campaigns: Mapping[int, Campaign]) -> Figure:
         )
     x = np.linspace(0.0, view, 400)
     chi_square = f"chi-square with {dof} degrees of freedom: mean {dof}"
-    axes.plot(x, density.chi_square(x, dof), color=style.LIMIT_COLOR, label=chi_square)
+    axes.plot(x, density.chi_square(x, dof), color=style.PREDICTION_COLOR, label=chi_square)
     axes.set_xlim(0.0, view)
     axes.set_xlabel("NEES of a run (normalised estimation error squared)")
     axes.set_ylabel("density")
