@@ -47,7 +47,7 @@ def _constants(setup: Setup) -> tuple[list[str], np.ndarray, np.ndarray]:
     return [names[place] for place in own], own, every[own]
 
 
-TITLE = f"\nnot told apart: sigmas that are left of it, here and on schedule={OBLIQUE}"
+TITLE = f"\nnot told apart: sigma left of it, here and on schedule={OBLIQUE}"
 HEADINGS = ("not told apart", "here", "oblique")
 """Of `rows`."""
 
