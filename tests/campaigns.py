@@ -75,7 +75,7 @@ def assert_same_store(a, b):
         assert left[name].dtype == right[name].dtype
         if (
             left[name].dtype.kind in "TO"
-        ):  # of text, which versions of the libraries store their ways
+        ):  # texts, each version its way
             assert left[name].values.tolist() == right[name].values.tolist()
         else:
             assert np.array(left[name]).tobytes() == np.array(right[name]).tobytes(), name
