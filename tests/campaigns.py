@@ -73,9 +73,7 @@ def assert_same_store(a, b):
     left, right = store.read(a), store.read(b)
     for name in left.variables:
         assert left[name].dtype == right[name].dtype
-        if (
-            left[name].dtype.kind in "TO"
-        ):  # texts, each version its way
+        if left[name].dtype.kind in "TO":  # texts, each version its way
             assert left[name].values.tolist() == right[name].values.tolist()
         else:
             assert np.array(left[name]).tobytes() == np.array(right[name]).tobytes(), name
