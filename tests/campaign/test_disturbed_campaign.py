@@ -75,7 +75,7 @@ def test_another_disturbance_is_another_campaign(disturbed):
 def test_a_summary_says_that_truth_is_disturbed(disturbed, short_store, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     said = "sources; truth of a bias that wanders is its constant part"
-    assert said in run_stage(summarize, f"campaign.store={disturbed}").out
+    assert said in " ".join(run_stage(summarize, f"campaign.store={disturbed}").out.split())
     about = json.loads((tmp_path / "results/summary/campaign.json").read_text())
     assert about["disturbance"] == "laboratory"
     assert {"accel_wander_ug", "gyro_noise_factor"} <= set(about["disturbances"])
