@@ -1,6 +1,7 @@
 """Tables on the terminal: never wider than the narrowest usual window, whatever the window."""
 
 import textwrap
+from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 
 from rich import box
@@ -53,7 +54,8 @@ def _folded(table: Table) -> list[Table]:
     parts = _parts(table, WIDTH)
     if len(parts) == 1:
         return [table]
-    even = next(room for room in range(WIDTH + 1) if len(_parts(table, room)) <= len(parts))
+    # the narrowest that takes no more parts: what fits a room fits a wider one
+    even = bisect_left(range(WIDTH), True, key=lambda room: len(_parts(table, room)) <= len(parts))
     return _parts(table, even)
 
 
