@@ -30,6 +30,8 @@ SHORT = (
 
 LIMIT = Limit(600.0, own_process=False)
 
+ATTRIBUTES_IN_JSON = {"configuration", "software", "exceptions"}
+
 
 def short(path, *overrides):
     return load([*SHORT, f"campaign.store={path}", *overrides])
@@ -50,12 +52,15 @@ def set_status(path, part, value):
 def make_older(path, *keys):
     """Make a store as it was before: no manifest, nested attributes, a setting not yet there."""
     about = json.loads((path / "zarr.json").read_text())
-    configuration = json.loads(about["attributes"]["configuration"])
-    about["attributes"]["configuration"] = configuration
-    *groups, last = keys
-    for key in groups:
-        configuration = configuration[key]
-    del configuration[last]
+    attributes = about["attributes"]
+    for name in ATTRIBUTES_IN_JSON & attributes.keys():
+        attributes[name] = json.loads(attributes[name])
+    if keys:
+        *groups, last = keys
+        configuration = attributes["configuration"]
+        for key in groups:
+            configuration = configuration[key]
+        del configuration[last]
     (path / "zarr.json").write_text(json.dumps(about))
     (path / manifest.NAME).unlink()
 

@@ -10,7 +10,7 @@ import json
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from pipeline.campaign.worker import Batch
 
 _NONE = np.zeros(0)
-_TEXTS, _EXCEPTIONS = ("configuration", "software"), "exceptions"
+_TEXTS = ("configuration", "software", "exceptions")
 
 
 @dataclass(frozen=True)
@@ -258,8 +258,8 @@ def _write(store: zarr.Group, config: Config, results: "list[tuple[list[int], Ba
             _array(store, name)[part] = getattr(outcome, name)
         if batch.exceptions:
             raised = {str(number): text for number, text in batch.exceptions.items()}
-            every = json.loads(str(store.attrs.get(_EXCEPTIONS, "{}"))) | raised
-            store.attrs[_EXCEPTIONS] = json.dumps(
+            every = _decoded(store.attrs.get("exceptions", {})) | raised
+            store.attrs["exceptions"] = json.dumps(
                 {key: every[key] for key in sorted(every, key=int)}
             )
             manifest.sign(place)
@@ -334,9 +334,8 @@ def read(path: str | Path) -> xr.Dataset:
         memory = MemoryStore({key: Buffer.from_bytes(value) for key, value in files.items()})
         campaign = xr.open_zarr(memory, consolidated=False, chunks=None).load()
         damage.refuse_nonsense(place, campaign)
-        for name in (*_TEXTS, _EXCEPTIONS):  # a store of before has them as they are
-            if isinstance(value := campaign.attrs.get(name), str):
-                campaign.attrs[name] = json.loads(value)
+        for name in campaign.attrs.keys() & {*_TEXTS}:
+            campaign.attrs[name] = _decoded(campaign.attrs[name])
         campaign.attrs["seed"] = int(campaign.attrs["seed"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise damage.error(place, [manifest.Damage("it", f"cannot be read ({error})")]) from None
@@ -344,6 +343,11 @@ def read(path: str | Path) -> xr.Dataset:
     about.setdefault("disturbance", dict(undisturbed()))
     about["estimator"].setdefault("believed", dict(usual_belief()))
     return campaign
+
+
+def _decoded(value: Any) -> Any:
+    """What an attribute says in JSON; a store of before has it as it is."""
+    return json.loads(value) if isinstance(value, str) else value
 
 
 def done(campaign: xr.Dataset) -> xr.Dataset:

@@ -1,6 +1,6 @@
 """Sections of the HTML page that show one campaign, or several beside each other."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -111,26 +111,27 @@ def nees(campaigns: Sequence[Campaign]) -> Section:
 def contest_section(
     comparisons: Sequence[tuple[str, Summary]], heading: str = "", left_out: str = ""
 ) -> Section:
-    """Make the section of paired comparisons, each with its title."""
-    pictures, gists = [], []
-    for number, (title, comparison) in enumerate(comparisons):
-        rows = []
-        for name, row in comparison["parameters"].items():
-            lower, upper = row["simultaneous_lower"], row["simultaneous_upper"]
-            word = "worse" if lower > 1.0 else "better" if upper < 1.0 else "no difference shown"
-            numbers = {"ratio": row["ratio"], "lower": lower, "upper": upper}
-            numbers["predicted"] = row["predicted_ratio"]
-            rounded = {key: page_data.rounded(value) for key, value in numbers.items()}
-            rows.append({"parameter": name, "word": word, **rounded})
-        result = findings.contest(comparison)
+    """Make the section of paired comparisons, each with its title; folded, it tells the first."""
+    results = [findings.contest(comparison) for _, comparison in comparisons]
+    pictures = []
+    for number, ((title, comparison), result) in enumerate(zip(comparisons, results, strict=True)):
+        rows = [_contest_row(name, row) for name, row in comparison["parameters"].items()]
         spec = page_charts.contest(rows, title, [f"RMSE of {result.a}", f"over RMSE of {result.b}"])
         sentence = say(
             "contest", pairs=comparison["runs_paired"], verdict=findings.contest_verdict(result)
         )
         pictures.append(Picture(sentence, {f"contest-{number}": spec}))
-        gists.append(findings.shares_text(result))
-    gist = gists[0] if gists else ""
+    gist = findings.shares_text(results[0]) if results else ""
     return Section("schedules", pictures=pictures, left_out=left_out, heading=heading, gist=gist)
+
+
+def _contest_row(name: str, row: Mapping[str, float]) -> dict[str, Any]:
+    lower, upper = row["simultaneous_lower"], row["simultaneous_upper"]
+    word = "worse" if lower > 1.0 else "better" if upper < 1.0 else "no difference shown"
+    numbers = {"ratio": row["ratio"], "lower": lower, "upper": upper}
+    numbers["predicted"] = row["predicted_ratio"]
+    rounded = {key: page_data.rounded(value) for key, value in numbers.items()}
+    return {"parameter": name, "word": word, **rounded}
 
 
 def convergence(campaign: Campaign, course: Course) -> Section:

@@ -3,12 +3,13 @@
 import json
 import math
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import xarray as xr
 import zarr
-from campaigns import assert_same_store, files, make, short
+from campaigns import assert_same_store, files, make, make_older, short
 
 from inscal.experiment import Outcome
 from inscal.parameters import COUNT, NAMES, UNITS
@@ -187,6 +188,20 @@ def test_scattered_batches_equal_one_whole_write(tmp_path):
     for group in ([(20, 25), (0, 7), (7, 8), (12, 14)], [(25, 30), (8, 12), (14, 20)]):
         store.write(opened, parts, [batch(range(*ends), failed=[8]) for ends in group])
     assert_same_store(tmp_path / "whole", tmp_path / "parts")
+
+
+def test_exceptions_of_a_store_of_before_are_kept_when_it_is_gone_on_with(path):
+    config = short(path)
+    runs, made = batch(range(15), failed=[11])
+    store.write(
+        store.open_store(config, STD), config, [(runs, replace(made, exceptions={11: "a"}))]
+    )
+    make_older(path)
+    runs, made = batch(range(15, 30), failed=[20])
+    store.write(
+        store.open_store(config, STD), config, [(runs, replace(made, exceptions={20: "b"}))]
+    )
+    assert store.read(path).attrs["exceptions"] == {"11": "a", "20": "b"}
 
 
 def test_neighbours_are_written_together(path, monkeypatch):
