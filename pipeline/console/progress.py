@@ -119,12 +119,12 @@ class CampaignProgress:
             TextColumn("runs  {task.fields[rate]:.0f} runs/s  left"),
             TimeRemainingColumn(),
             console=self._console,
-            disable=not self._console.is_terminal,
         )
         self._task = self._bar.add_task(name, total=total, completed=done, rate=0.0)
 
     def __enter__(self) -> "CampaignProgress":
-        self._bar.start()
+        if self._console.is_terminal:
+            self._bar.start()
         if self._before:
             self.say(f"resuming after {self._before} of {self._total} runs")
         return self
@@ -135,7 +135,8 @@ class CampaignProgress:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._bar.stop()
+        if self._console.is_terminal:
+            self._bar.stop()
         if kind is not None and not issubclass(kind, Exception):
             return  # interrupted: who interrupts says what is kept
         elapsed = time.monotonic() - self._start
