@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
+import yaml
+
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("inscal", "pipeline")
 ROOMS = (
@@ -68,6 +70,18 @@ def reached(module: str) -> set[str]:
         seen |= unseen
         unseen = set().union(*map(imports, unseen)) - seen
     return seen
+
+
+def stages() -> dict[str, dict]:
+    """Stages of ``dvc.yaml``, those of a `foreach` as what they do."""
+    every = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+    return {name: stage.get("do", stage) for name, stage in every.items()}
+
+
+def results_read(stage: str) -> set[str]:
+    """Stores, summaries and comparisons that a stage of ``dvc.yaml`` depends on."""
+    folders = tuple(f"results/{name}" for name in ("comparison", "runs", "summary"))
+    return {dep for dep in stages()[stage]["deps"] if dep.startswith(folders)}
 
 
 def dependencies(door: str) -> set[str]:

@@ -15,8 +15,7 @@ _PACKAGE = "pipeline"
 def stages_of_study() -> list[tuple[str, str, set[str]]]:
     """Name, module and dependencies in code of every stage of ``dvc.yaml``."""
     out = []
-    for name, stage in yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].items():
-        body = stage.get("do", stage)
+    for name, body in structure.stages().items():
         module = re.search(r"python -m (\S+)", body["cmd"])[1]
         code = {dep for dep in body["deps"] if dep.split("/")[0] in structure.PACKAGES}
         out.append((name, module if module in doors() else f"{module}.__main__", code))
@@ -76,6 +75,25 @@ def test_a_stage_depends_on_all_that_it_imports(door, code):
     assert code == dependencies(door)
 
 
+def test_stages_depend_on_the_results_that_they_read_by_name():
+    """With a folder, results of a user's own would make them anew."""
+    study = yaml.safe_load((ROOT / "conf" / "study.yaml").read_text())
+    main, one_pass = study["roles"]["main"], study["roles"]["one_pass"]
+    levels = study["levels"][study["campaigns"][main]["schedule"]]
+    read = {
+        "figures": {
+            *(f"results/comparison/{name}.json" for name in study["drawn"]),
+            *(f"results/runs/{name}" for name in (*levels, one_pass)),
+        },
+        "frontier": {f"results/summary/{name}.json" for name in study["frontier"]["marked"]},
+        "report": {
+            *(f"results/comparison/{name}.json" for name in study["comparisons"]),
+            *(f"results/summary/{name}.json" for name in study["reported"]),
+        },
+    }
+    assert {stage: structure.results_read(stage) for stage in read} == read
+
+
 def test_structure_is_printed(capsys):
     structure.main()
     out = capsys.readouterr().out
@@ -86,7 +104,6 @@ def test_structure_is_printed(capsys):
 
 def test_commands_of_the_study_are_as_its_lock_keeps_them():
     """Where a column is empty two spaces meet, the lock keeps one, and a stage never rests."""
-    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
     for stage, study, campaigns in (
         ("simulate", "study", "campaigns"),
         ("paper-simulate", "paper_study", "paper_campaigns"),
@@ -95,6 +112,6 @@ def test_commands_of_the_study_are_as_its_lock_keeps_them():
         for key, row in rows.items():
             values = {f"item.{name}": str(value) for name, value in row.items()} | {"key": key}
             command = re.sub(
-                r"\$\{([\w.]+)\}", lambda m, v=values: v[m[1]], stages[stage]["do"]["cmd"]
+                r"\$\{([\w.]+)\}", lambda m, v=values: v[m[1]], structure.stages()[stage]["cmd"]
             )
             assert command == " ".join(command.split()), key

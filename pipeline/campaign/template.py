@@ -23,6 +23,7 @@ from pipeline.config.schema import Config
 from pipeline.config.setup import Setup
 
 _CHUNKS = 12
+_PARAMETER, _AUGMENTED = "see coordinate unit", "see coordinate augmented_unit"
 AUGMENTED = ("augmented_truth", "augmented_estimate", "augmented_error")
 """Arrays of the augmented states that do not wander."""
 _SOFTWARE = ("inscal", "numpy", "scipy", "numba", "xarray", "zarr", "dask")
@@ -81,86 +82,19 @@ def template(
         Of the augmented states that do not wander, in the units of their keys.
     path : Path
     """
-    import dask.array  # for a new store alone, like what compiles
-
-    from inscal.convergence import REASONS, chance_limits
-    from inscal.motion import update_count
-
-    setup = Setup(config)
-    updates = update_count(setup.schedule, config.estimator.update_interval_s)
-    lower, upper = chance_limits(updates)
-    runs = config.campaign.runs
-    chunk = -(-runs // _CHUNKS)
-
-    def lazy(dims, shape, fill, attrs):
-        chunks = (chunk, *shape[1:])
-        return dims, dask.array.full(shape, fill, chunks=chunks, dtype=type(fill)), attrs
-
-    def whole(fill, attrs):  # in one file
-        return ("run",), dask.array.full(runs, fill, chunks=runs, dtype=type(fill)), attrs
-
-    per_parameter = {"units": "see coordinate unit"}
-    further: dict[str, tuple] = {}
-    coordinates: dict[str, Any] = {}
-    if len(augmented_std):
-        about = {"units": "see coordinate augmented_unit"}
-        for name in AUGMENTED:
-            told = {"long_name": name.replace("_", " "), **about}
-            further[name] = lazy(("run", "augmented"), (runs, len(augmented_std)), np.nan, told)
-        told = {"long_name": "predicted standard deviation", **about}
-        further["augmented_predicted_std"] = "augmented", augmented_std, told
-        names, units = setup.augmented_names, setup.augmented_units
-        coordinates["augmented"] = np.array(names, dtype=object)
-        coordinates["augmented_unit"] = "augmented", np.array(units, dtype=object)
-    both, table = ("run", "parameter"), (runs, COUNT)
     dataset = xr.Dataset(
         {
-            "truth": lazy(both, table, np.nan, {"long_name": "true parameter", **per_parameter}),
-            "estimate": lazy(both, table, np.nan, {"long_name": "estimate", **per_parameter}),
-            "error": lazy(
-                both, table, np.nan, {"long_name": "estimate minus truth", **per_parameter}
-            ),
-            "nees": lazy(
-                ("run",),
-                (runs,),
-                np.nan,
-                {"long_name": "normalised estimation error squared", "units": "1"},
-            ),
-            "status": lazy(
-                ("run",),
-                (runs,),
-                np.int8(NOT_RUN),
-                {"flag_values": [0, 1, 2], "flag_meanings": "not_run done failed"},
-            ),
-            "passes": whole(np.int8(0), {"long_name": "passes made", "units": "1"}),
-            "reason": whole(
-                np.int8(0),
-                {
-                    "flag_values": list(range(len(REASONS))),
-                    "flag_meanings": " ".join(r.replace(" ", "_") or "none" for r in REASONS),
-                },
-            ),
-            "innovation_ratio": whole(
-                np.nan,
-                {
-                    "long_name": "squared innovations over their expectation",
-                    "units": "1",
-                    "chance_lower": lower,
-                    "chance_upper": upper,
-                },
-            ),
+            **_of_runs(config),
             "predicted_std": (
                 "parameter",
                 predicted_std,
-                {"long_name": "predicted standard deviation of the estimate", **per_parameter},
+                _told("predicted standard deviation of the estimate", _PARAMETER),
             ),
-            **further,
         },
         coords={
-            "run": np.arange(runs),
+            "run": np.arange(config.campaign.runs),
             "parameter": np.array(NAMES, dtype=object),
             "unit": ("parameter", np.array(UNITS, dtype=object)),
-            **coordinates,
         },
         attrs={
             "title": f"inscal campaign {Path(config.campaign.store).name}",
@@ -168,7 +102,10 @@ def template(
             **attributes(config),
         },
     )
-    dataset["run"].encoding["chunks"] = (runs,)
+    if len(augmented_std):
+        dataset = dataset.assign(_augmented(config, augmented_std))
+        dataset = dataset.assign_coords(_augmented_coordinates(config))
+    dataset["run"].encoding["chunks"] = (config.campaign.runs,)
     for name in map(str, dataset.variables):
         dataset[name].encoding["compressors"] = (ZstdCodec(level=0), Crc32cCodec())
     with warnings.catch_warnings():  # one file names all arrays, so that xarray opens it silently
@@ -176,3 +113,71 @@ def template(
         dataset.to_zarr(path, mode="w", compute=False, consolidated=True, zarr_format=3)
     manifest.sign(path)
     manifest.seal(path, fingerprint(config))
+
+
+def _of_runs(config: Config) -> dict[str, tuple]:
+    """Arrays that have a value, or one for each parameter, of every run."""
+    from inscal.convergence import REASONS, chance_limits  # compiles, as above
+    from inscal.motion import update_count
+
+    runs = config.campaign.runs
+    chunk = _chunk(runs)
+    updates = update_count(Setup(config).schedule, config.estimator.update_interval_s)
+    lower, upper = chance_limits(updates)
+    status = {"flag_values": [0, 1, 2], "flag_meanings": "not_run done failed"}
+    reason = {
+        "flag_values": list(range(len(REASONS))),
+        "flag_meanings": " ".join(r.replace(" ", "_") or "none" for r in REASONS),
+    }
+    ratio = _told("squared innovations over their expectation", "1")
+    ratio |= {"chance_lower": lower, "chance_upper": upper}
+    table = ("run", "parameter"), (runs, COUNT), chunk, np.nan
+    each = ("run",), (runs,)
+    return {
+        "truth": _lazy(*table, _told("true parameter", _PARAMETER)),
+        "estimate": _lazy(*table, _told("estimate", _PARAMETER)),
+        "error": _lazy(*table, _told("estimate minus truth", _PARAMETER)),
+        "nees": _lazy(*each, chunk, np.nan, _told("normalised estimation error squared", "1")),
+        "status": _lazy(*each, chunk, np.int8(NOT_RUN), status),
+        # in one file
+        "passes": _lazy(*each, runs, np.int8(0), _told("passes made", "1")),
+        "reason": _lazy(*each, runs, np.int8(0), reason),
+        "innovation_ratio": _lazy(*each, runs, np.nan, ratio),
+    }
+
+
+def _augmented(config: Config, std: np.ndarray) -> dict[str, tuple]:
+    """Arrays of the augmented states that do not wander."""
+    runs = config.campaign.runs
+    table = ("run", "augmented"), (runs, len(std)), _chunk(runs), np.nan
+    told = _told("predicted standard deviation", _AUGMENTED)
+    return {
+        **{name: _lazy(*table, _told(name.replace("_", " "), _AUGMENTED)) for name in AUGMENTED},
+        "augmented_predicted_std": ("augmented", std, told),
+    }
+
+
+def _augmented_coordinates(config: Config) -> dict[str, Any]:
+    setup = Setup(config)
+    return {
+        "augmented": np.array(setup.augmented_names, dtype=object),
+        "augmented_unit": ("augmented", np.array(setup.augmented_units, dtype=object)),
+    }
+
+
+def _chunk(runs: int) -> int:
+    return -(-runs // _CHUNKS)
+
+
+def _told(long_name: str, units: str) -> dict[str, Any]:
+    return {"long_name": long_name, "units": units}
+
+
+def _lazy(
+    dims: tuple[str, ...], shape: tuple[int, ...], chunk: int, fill: Any, attrs: dict[str, Any]
+) -> tuple:
+    """An array of one value that is not held in memory, with so many runs to a file."""
+    import dask.array  # for a new store alone, like what compiles
+
+    chunks = (chunk, *shape[1:])
+    return dims, dask.array.full(shape, fill, chunks=chunks, dtype=type(fill)), attrs

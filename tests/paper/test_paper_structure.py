@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from campaigns import run_stage
 from conftest import paper_schedule
+from structure import results_read
 
 from inscal import observability as obs
 from inscal.parameters import INDEX, NAMES
@@ -135,6 +136,12 @@ def test_stage_writes_its_pages_and_nothing_else(tmp_path, monkeypatch):
     assert (
         "rank 36 at position 7; put in the last six turns, at 19; put in from position 20" in page
     )
+
+
+def test_stage_depends_on_the_stores_that_it_reads():
+    ends = ("", *(f"-{end}" for end in ablation.MODELS))
+    stores = {f"results/runs/{full}{end}" for full in ablation.TRUTHS.values() for end in ends}
+    assert results_read("paper-ablation") == stores
 
 
 def test_leaving_out_states_costs_accuracy(small):
