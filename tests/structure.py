@@ -78,6 +78,13 @@ def stages() -> dict[str, dict]:
     return {name: stage.get("do", stage) for name, stage in every.items()}
 
 
+def configuration_of(stage: str) -> set[str]:
+    """Files and folders of configuration that a stage of ``dvc.yaml`` depends on."""
+    about = stages()[stage]
+    named = {dep for dep in about["deps"] if dep.startswith("conf/")}
+    return named.union(*about.get("params", ()))
+
+
 def results_read(stage: str) -> set[str]:
     """Stores, summaries and comparisons that a stage of ``dvc.yaml`` depends on."""
     folders = tuple(f"results/{name}" for name in ("comparison", "runs", "summary"))

@@ -75,6 +75,24 @@ def test_a_stage_depends_on_all_that_it_imports(door, code):
     assert code == dependencies(door)
 
 
+def test_stages_depend_on_the_configuration_that_they_read_by_name():
+    """Of the groups that a stage says it reads, which is held to be all, the file chosen."""
+    usual = {}
+    for group in yaml.safe_load((ROOT / "conf" / "config.yaml").read_text())["defaults"]:
+        usual |= group if isinstance(group, dict) else {}
+    for stage, door, _ in stages_of_study():
+        command = structure.stages()[stage]["cmd"]
+        chosen = usual | dict(re.findall(r"(\w+)=(\S+)", command))
+        said = re.search(r"^Reads: (.*?)\.$", modules()[door].read_text(), re.M | re.S)[1]
+        read = {entry for entry in said.split() if "." not in entry or f"{entry}=" not in command}
+        groups = {entry.partition(".")[0] for entry in read} & usual.keys() - {"cluster"}
+        if stage.endswith("summarize"):  # they name the usual store, and here it is named
+            groups -= {"schedule", "noise"}
+        named = structure.configuration_of(stage)
+        assert {f"conf/{group}/{chosen[group]}.yaml" for group in groups} - named == set(), stage
+        assert [path for path in named if not path.endswith(".yaml")] == [], stage
+
+
 def test_stages_depend_on_the_results_that_they_read_by_name():
     """With a folder, results of a user's own would make them anew."""
     study = yaml.safe_load((ROOT / "conf" / "study.yaml").read_text())
