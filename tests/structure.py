@@ -72,6 +72,7 @@ def reached(module: str) -> set[str]:
     return seen
 
 
+@cache
 def stages() -> dict[str, dict]:
     """Stages of ``dvc.yaml``, those of a `foreach` as what they do."""
     every = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
