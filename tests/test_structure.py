@@ -8,6 +8,8 @@ import structure
 import yaml
 from structure import ROOMS, ROOT, WING, dependencies, doors, imports, modules, room
 
+from pipeline.console.help import read_by
+
 # What no number of a stage depends on: it limits threads and answers --help.
 _PACKAGE = "pipeline"
 
@@ -83,8 +85,8 @@ def test_stages_depend_on_the_configuration_that_they_read_by_name():
     for stage, door, _ in stages_of_study():
         command = structure.stages()[stage]["cmd"]
         chosen = usual | dict(re.findall(r"(\w+)=(\S+)", command))
-        said = re.search(r"^Reads: (.*?)\.$", modules()[door].read_text(), re.M | re.S)[1]
-        read = {entry for entry in said.split() if "." not in entry or f"{entry}=" not in command}
+        said = read_by(modules()[door].read_text())
+        read = {entry for entry in said if "." not in entry or f"{entry}=" not in command}
         groups = {entry.partition(".")[0] for entry in read} & usual.keys() - {"cluster"}
         if stage.endswith("summarize"):  # they name the usual store, and here it is named
             groups -= {"schedule", "noise"}

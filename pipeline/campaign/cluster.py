@@ -103,10 +103,6 @@ def client(cluster: Cluster) -> Iterator[Client]:
                 complain([f"waiting for SLURM to start a job{where}"])
                 connected.wait_for_workers(1)
             yield connected
-        except (KeyboardInterrupt, SystemExit):
-            # what the batches that are given up have to say of it
-            logging.getLogger("distributed").setLevel(logging.CRITICAL + 1)
-            raise
         finally:
             with interrupts.held():
                 stack.close()

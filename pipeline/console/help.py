@@ -55,8 +55,8 @@ def help_text(path: Path) -> str | None:
         Lines of at most 100 columns.
     """
     doc = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
-    reads = re.search(r"^Reads: (.*?)\.$", doc, re.M | re.S)
-    if not reads:
+    entries = read_by(doc)
+    if not entries:
         return None
     name = path.parent.name if path.stem == "__main__" else path.stem
     summary = re.sub(r"^Stage (\S+):", rf"{name}:", doc.split("\n\n")[0]).replace("`", "")
@@ -69,7 +69,6 @@ def help_text(path: Path) -> str | None:
         parts.append(
             "for example:\n" + textwrap.indent(textwrap.dedent(examples[1]), "  ").rstrip()
         )
-    entries = reads[1].replace(",", " ").split()
     if entries != ["nothing"]:
         lines = [_entry(entry) for entry in entries]
         parts.append("\n".join(["reads of the configuration, the default first:", *lines]))
@@ -78,6 +77,12 @@ def help_text(path: Path) -> str | None:
             "As it is\nwith these arguments: --cfg job"
         )
     return "\n\n".join(parts)
+
+
+def read_by(doc: str) -> list[str]:
+    """Groups and keys that the docstring of a stage says it reads; empty if it does not say."""
+    said = re.search(r"^Reads: (.*?)\.$", doc, re.M | re.S)
+    return said[1].replace(",", " ").split() if said else []
 
 
 def choices(group: str) -> list[str]:

@@ -5,6 +5,7 @@ second one ends the process there and then. Exit codes are the shell's, 128 and 
 130 after Ctrl-C.
 """
 
+import logging
 import os
 import signal
 import sys
@@ -55,7 +56,10 @@ def begin() -> None:
 
 @contextmanager
 def raised() -> Iterator[None]:
-    """Raise `Interrupt` where a signal comes while the block lasts."""
+    """Raise `Interrupt` where a signal comes while the block lasts.
+
+    From then to its end nothing is logged: what libraries have to say of it, in other threads too.
+    """
     global _state
     _state = _State()
     before = _install(_interrupt)
@@ -64,6 +68,8 @@ def raised() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+        if _state.since is not None:
+            logging.disable(logging.NOTSET)
 
 
 @contextmanager
@@ -134,6 +140,7 @@ def _interrupt(number: int, _frame: object) -> None:
             _end_at_once(128 + number)
         return
     _state.since = now
+    logging.disable()
     if _state.held:
         _state.pending = 128 + number
     else:

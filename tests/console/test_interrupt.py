@@ -1,6 +1,7 @@
 """Signals: what ends, how soon, with which line, and that nothing finished is lost."""
 
 import http.server
+import logging
 import os
 import re
 import shlex
@@ -118,6 +119,25 @@ def test_batches_that_are_given_up_say_nothing(tmp_path, kind):
     code, out, lines = ended(victim)
     assert (code, out, len(lines)) == (130, "", 1), lines
     assert lines[0].startswith("interrupted: ")
+
+
+BUSY = """
+import os, signal, threading, time
+from pipeline.campaign import cluster
+from pipeline.config.load import load
+from pipeline.console import interrupts
+
+with interrupts.raised(), interrupts.telling(lambda: "interrupted"):
+    with cluster.client(load(["cluster.workers=1"]).cluster) as client:
+        client.loop.add_callback(time.sleep, 2)
+        threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+        client.sync(client.scheduler.identity)
+"""
+
+
+def test_a_loop_that_has_not_begun_what_is_given_up_says_nothing(tmp_path):
+    # as where the machine is busy; distributed cancels a future that it does not have yet
+    assert ended(started("-c", BUSY, cwd=tmp_path)) == (130, "", ["interrupted"])
 
 
 def test_all_that_is_finished_is_written_when_the_interrupt_comes(tmp_path, monkeypatch):
@@ -259,6 +279,24 @@ def test_ignored_signals_stay_ignored(monkeypatch):
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+def test_nothing_is_logged_between_an_interrupt_and_the_end(caplog):
+    # by a logger with a level of its own
+    logger = logging.getLogger("a.library")
+    logger.setLevel(logging.ERROR)
+
+    def interrupted():
+        logger.error("before")
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            logger.critical("between")
+
+    with pytest.raises(interrupts.Interrupt), interrupts.raised():
+        interrupted()
+    logger.error("after")
+    assert caplog.messages == ["before", "after"]
 
 
 def test_handlers_are_given_back():

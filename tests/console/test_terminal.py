@@ -124,8 +124,7 @@ def test_help_names_every_group_that_is_read(name, tmp_path, monkeypatch, capsys
     READ.clear()
     importlib.import_module(f"pipeline.{name}").main.__wrapped__(config)
     doc = ast.get_docstring(ast.parse(STAGES[name].read_text()))
-    said = re.search(r"^Reads: (.*?)\.$", doc, re.M | re.S)[1].split()
-    named = {entry.partition(".")[0] for entry in said}
+    named = {entry.partition(".")[0] for entry in help.read_by(doc)}
     if name == "paper_laboratory":
         named.add("truth")  # looked at, but it has truths of its own
     assert named >= READ
