@@ -1,4 +1,4 @@
-"""Kills campaigns at random moments, and looks whether anything is lost.
+"""Kills and interrupts campaigns at random moments, and looks whether anything is lost.
 
 Usage: ``python tests/faults/kills.py [kills] [victim ...]``
 
@@ -23,6 +23,7 @@ from place import folder_of_its_own
 
 RUNS = "campaign.runs=1500"
 _REPRO = [sys.executable, "-m", "dvc", "repro"]
+_BEFORE = ("warning: ", "store: ")  # what a campaign says that is not interrupted
 _START_S, _WHOLE_S = 1.0, 8.0
 _STUDY = """stages:
   simulate:
@@ -96,6 +97,12 @@ def kill_starting_worker(running: subprocess.Popen, rng: random.Random) -> None:
         os.kill(pid, signal.SIGKILL)
 
 
+def interrupt(running: subprocess.Popen, rng: random.Random) -> None:
+    """Ctrl-C, which reaches all of its processes, at any moment."""
+    time.sleep(rng.uniform(_START_S, _WHOLE_S))
+    os.killpg(running.pid, signal.SIGINT)
+
+
 def start_second(running: subprocess.Popen, rng: random.Random) -> None:
     """Nothing is killed: a second `dvc repro` in the same folder, at any moment."""
     place = Path(f"/proc/{running.pid}/cwd").resolve()
@@ -109,6 +116,7 @@ def start_second(running: subprocess.Popen, rng: random.Random) -> None:
 VICTIMS: dict[str, Callable[[subprocess.Popen, random.Random], None]] = {
     "driver": kill_driver,
     "group": kill_group,
+    "interrupted": interrupt,
     "worker": kill_worker,
     "starting_worker": kill_starting_worker,
     "dvc": kill_group,
@@ -136,6 +144,8 @@ def tried(victim: str, good: Path, rng: random.Random) -> str:
     running = started(words, place)
     VICTIMS[victim](running, rng)
     said = running.communicate(timeout=300)[0]
+    if wrong := _said_wrong(victim, running.returncode, said):
+        return wrong
     if "worker" not in victim:
         _wait_for_orphans(place)
         running = started(words, place)
@@ -147,6 +157,16 @@ def tried(victim: str, good: Path, rng: random.Random) -> str:
     except AssertionError as error:
         return f"not the same: {error}"
     return "as it was"
+
+
+def _said_wrong(victim: str, code: int, said: str) -> str:
+    """What a victim should not have said, if anything."""
+    if "Traceback" in said:
+        return f"a traceback: {said[-300:]}"
+    said_after = [line for line in said.splitlines() if not line.startswith(_BEFORE)]
+    if code == 128 + signal.SIGINT and len(said_after) != 1:
+        return f"not one line: {said_after}"
+    return ""
 
 
 def _wait_for_orphans(place: Path) -> None:

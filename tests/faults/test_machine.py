@@ -61,7 +61,7 @@ def test_a_disk_that_becomes_full_costs_nothing_but_time(tmp_path):
     assert disk.summary(tmp_path) == "one line"
 
 
-@pytest.mark.parametrize("victim", ["group", "starting_worker"])
+@pytest.mark.parametrize("victim", ["group", "interrupted", "starting_worker"])
 def test_what_is_killed_goes_on(tmp_path, victim):
     good = make(tmp_path / "good", kills.RUNS)
     assert kills.tried(victim, good, random.Random(7)) == "as it was"
