@@ -19,44 +19,41 @@ def read_frame(path: str, **options: Any) -> pd.DataFrame:
 def read(about: Header) -> Rows:
     """Read the columns that a header names."""
     column = _source(about.data[0])
-    (time,), gyro, accel = map(
-        column, ([about.time_column], about.gyro_columns, about.accel_columns)
-    )
+    time, gyro, accel = map(column, ([about.time_column], about.gyro_columns, about.accel_columns))
     observed = about.observed_columns
     return Rows(
-        time * TIME_UNITS[about.time_unit],
-        gyro.T,
-        accel.T,
-        None if observed is None else column(observed).T,
+        time[:, 0] * TIME_UNITS[about.time_unit],
+        gyro,
+        accel,
+        None if observed is None else column(observed),
     )
 
 
 def _source(path: str) -> Callable[[list[str]], np.ndarray]:
-    """What gives columns of a file by name, as numbers, shape (names, rows): never all at once."""
+    """What gives columns of a file by name, as numbers, shape (rows, names): never all at once."""
     if path.endswith(".parquet"):
         from pyarrow import default_memory_pool, parquet
 
-        known = parquet.read_schema(path).names
+        known, rows = parquet.read_schema(path).names, parquet.read_metadata(path).num_rows
 
         def column(name: str) -> pd.Series:
-            values = pd.read_parquet(path, columns=[name])[name]
-            default_memory_pool().release_unused()  # of a long log, a hundred megabytes
-            return values
+            default_memory_pool().release_unused()  # of the column before, which is copied by now
+            return pd.read_parquet(path, columns=[name])[name]
 
     else:
         frame = pd.read_csv(path, comment="#")
-        known = list(map(str, frame.columns))
+        known, rows = list(map(str, frame.columns)), len(frame)
 
         def column(name: str) -> pd.Series:
             return frame[name]
 
     def numbers(names: list[str]) -> np.ndarray:
-        out = []
-        for name in names:
+        out = np.empty((rows, len(names)))
+        for place, name in enumerate(names):
             if name not in known:
                 raise DataError(f"{path}: no column {name}; it has {', '.join(known)}")
-            out.append(_numbers(path, name, column(name)))
-        return np.stack(out)
+            out[:, place] = _numbers(path, name, column(name))
+        return out
 
     return numbers
 
