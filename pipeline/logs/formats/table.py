@@ -34,7 +34,8 @@ def _source(path: str) -> Callable[[list[str]], np.ndarray]:
     if path.endswith(".parquet"):
         from pyarrow import default_memory_pool, parquet
 
-        known, rows = parquet.read_schema(path).names, parquet.read_metadata(path).num_rows
+        with parquet.ParquetFile(path) as file:
+            known, rows = file.schema_arrow.names, file.metadata.num_rows
 
         def column(name: str) -> pd.Series:
             default_memory_pool().release_unused()  # of the column before, which is copied by now
